@@ -1,0 +1,129 @@
+# The whole project on one page. A target stands left of the colon, what it is made from stands right.
+#
+#   make             everything: environment, data, live check, notebooks, figures, paper/report.pdf
+#   make test        lint, types and the quick tests
+#   make data        check the stored runs, compute the missing ones (all of them: make data FORCE=1)
+#   make verify      repeat one stored run live and compare it to the bit
+#   make notebooks   execute the notebooks; they write figures/ and notebooks/executed/
+#   make quick       the same in a few minutes and into .build/quick, for trying changes out
+#   make paper       the report
+#   make bench       what learning reaches and costs, in one table
+#   make lock        write environment.lock anew from pyproject.toml
+#   make clean       forget what was built; data and figures stay
+
+PYTHON ?= python3.11
+VENV   := .venv/bin/python
+HOMING := $(VENV) -m homing_lib
+
+LIBRARY   := $(wildcard homing_lib/*.py)
+NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
+
+# The same bytes on every run: one thread for linear algebra, fixed hashes, a fixed date in every PDF.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+export PYTHONHASHSEED := 0
+export SOURCE_DATE_EPOCH := 1767225600
+export FORCE_SOURCE_DATE := 1
+export MPLBACKEND := Agg
+export HYPOTHESIS_STORAGE_DIRECTORY := .build/hypothesis
+unexport PYTHONPATH PYTHONHOME
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.PHONY: all test data verify notebooks quick paper bench lock clean help FORCE
+
+all: .build/verified paper/report.pdf
+	@$(HOMING) summary
+	@echo "Report: paper/report.pdf"
+
+
+### Environment: exactly the locked packages, then this one
+
+.venv/.locked: environment.lock
+	@$(PYTHON) -c 'import ensurepip, sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { echo \
+	  "homing: '$(PYTHON)' is no Python 3.11 with venv; on Debian: apt-get install python3.11-venv;" \
+	  "elsewhere: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	rm -rf .venv
+	$(PYTHON) -m venv .venv
+	$(VENV) -m pip install -qq --disable-pip-version-check --only-binary :all: --require-hashes -r $<
+	@touch $@
+
+.venv/.ready: .venv/.locked pyproject.toml
+	$(VENV) -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+
+### Data: always checked (a second), newer only if its content changed
+
+.build/data: FORCE | .venv/.ready
+	@mkdir -p .build
+	$(HOMING) data --stamp $@$(if $(FORCE), --force)
+
+.build/verified: .build/data $(LIBRARY) $(if $(filter verify,$(MAKECMDGOALS)),FORCE)
+	$(HOMING) verify | tee $@.part
+	@mv $@.part $@
+
+
+### Notebooks: the stamp of each lists the files that it wrote
+
+.build/notebooks/%: notebooks/%.ipynb .build/data $(LIBRARY) environment.lock
+	@mkdir -p $(@D)
+	$(HOMING) notebook $* > $@.part
+	@mv $@.part $@
+
+.build/quick/%.ipynb: notebooks/%.ipynb .build/data $(LIBRARY) environment.lock
+	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
+
+# A stamp goes when a file that it lists is gone, so that the file is made again.
+$(foreach stamp,$(wildcard .build/notebooks/*),$(foreach file,$(file <$(stamp)),\
+  $(if $(wildcard $(file)),,$(shell rm -f $(stamp)))))
+
+
+### Report
+
+paper/numbers.tex: .build/data $(LIBRARY)
+	$(HOMING) report > $@.part
+	@mv $@.part $@
+
+.build/paper/report.pdf: paper/report.tex paper/numbers.tex $(NOTEBOOKS:%=.build/notebooks/%)
+	@paper/install-tex.sh
+	@mkdir -p $(@D)
+	latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error -outdir=../$(@D) $< > $@.log || \
+	  { grep -A 5 '^!' $(@:.pdf=.log) || tail $@.log; exit 1; } >&2
+
+paper/report.pdf: .build/paper/report.pdf
+	@cp $< $@
+
+
+### Names for the above
+
+data: .build/data
+verify: .build/verified
+notebooks: $(NOTEBOOKS:%=.build/notebooks/%)
+quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
+paper: paper/report.pdf
+
+test: .venv/.ready
+	$(VENV) -m ruff check
+	$(VENV) -m ruff format --check
+	$(VENV) -m mypy
+	$(VENV) -m pytest -q
+
+bench: .venv/.ready
+	$(VENV) -m tests.bench
+
+lock:
+	$(PYTHON) -m venv .build/lock
+	.build/lock/bin/pip install -qq --disable-pip-version-check uv
+	.build/lock/bin/uv pip compile -q pyproject.toml --extra dev --python-version 3.11 --only-binary :all: \
+	  --generate-hashes --no-header --no-emit-index-url --no-emit-find-links -o environment.lock
+
+clean:
+	rm -rf .build paper/numbers.tex
+
+help:
+	@sed -n 's/^#   //p' $(firstword $(MAKEFILE_LIST))
+
+FORCE:

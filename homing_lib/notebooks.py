@@ -1,0 +1,174 @@
+"""Execute notebooks so that the executed copy of an unchanged notebook is the same to the byte.
+
+A notebook has one cell tagged `parameters`, which reads exactly
+
+    profile = "full"  # or "quick"
+    figures_dir = "../figures"
+
+and runs with notebooks/ as its working directory.
+"""
+
+import os
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import nbformat
+from traitlets.config import Config
+
+from homing_lib.settings import UserError
+
+NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+DEFAULTS = {"profile": "full", "figures_dir": "../figures"}
+# As in the Makefile, so that a notebook run without make gives the same bytes.
+REPRODUCIBLE = {
+    "MKL_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+    "SOURCE_DATE_EPOCH": "1767225600",
+}
+
+Notebook = Any  # nbformat.NotebookNode: a dict whose keys are attributes too
+
+
+def execute(
+    name: str,
+    profile: Literal["full", "quick"] = "full",
+    output_dir: Path | None = None,
+    figures_dir: Path | None = None,
+) -> list[Path]:
+    """Run notebooks/<name>.ipynb (or any path) and return the files written: the executed copy, then the figures.
+
+    The copy goes to output_dir (by default executed/ beside the notebook), the figures to figures_dir (../figures).
+    Raises UserError with one line if a cell fails; the copy of an earlier run then stays as it was.
+    """
+    import papermill  # slow to import, and only needed here
+    from nbclient.exceptions import DeadKernelError
+    from papermill.exceptions import PapermillExecutionError
+
+    source = find(name)
+    output_dir = (output_dir or source.parent / "executed").absolute()
+    figures_dir = (figures_dir or source.parent / DEFAULTS["figures_dir"]).resolve()
+    output_dir.mkdir(parents=True, exist_ok=True)
+    figures_dir.mkdir(parents=True, exist_ok=True)
+
+    chosen = {"profile": profile, "figures_dir": os.path.relpath(figures_dir, source.parent.resolve())}
+    started = time.time_ns()
+    with tempfile.TemporaryDirectory() as scratch, _kernel_environment(scratch):
+        try:
+            executed = papermill.execute_notebook(
+                str(source),
+                None,
+                parameters={key: value for key, value in chosen.items() if value != DEFAULTS[key]},
+                kernel_name="python3",
+                language="python",
+                cwd=str(source.parent),
+                progress_bar=sys.stderr.isatty(),
+                config=Config(KernelManager={"transport": "ipc", "ip": f"{scratch}/kernel"}),  # no race for ports
+                extra_arguments=["--log-level=CRITICAL"],  # the kernel calls its own shutdown an error
+            )
+        except PapermillExecutionError as error:
+            what = f"{error.ename}: {error.evalue}".strip().splitlines()[0]
+            line = error.source.strip().splitlines()[0]
+            raise UserError(f"{source.name}, cell [{error.exec_count}] `{line}`: {what}") from None
+        except DeadKernelError:
+            raise UserError(f"{source.name}: its process died; short of memory?") from None
+
+    normalise(executed, nbformat.read(source, as_version=4))
+    copy = output_dir / source.name
+    beside = copy.with_suffix(".part")
+    nbformat.write(executed, beside)
+    beside.replace(copy)
+    return [copy, *sorted(path for path in figures_dir.iterdir() if path.stat().st_mtime_ns >= started)]
+
+
+def find(name: str) -> Path:
+    """The notebook of that name (with or without .ipynb) or at that path."""
+    for path in (Path(name), NOTEBOOKS / name, NOTEBOOKS / f"{name}.ipynb"):
+        if path.suffix == ".ipynb" and path.is_file():
+            return path
+    known = ", ".join(sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb")))
+    raise UserError(f"no notebook '{name}'; there are: {known}")
+
+
+def normalise(executed: Notebook, source: Notebook) -> None:
+    """Take out what differs from run to run: times, paths, random ids, memory addresses, progress bars."""
+    executed.metadata = source.metadata
+    known_ids = {cell.get("id") for cell in source.cells}
+    for position, cell in enumerate(executed.cells):
+        if cell.get("id") not in known_ids:
+            cell.id = f"cell-{position}"
+        for key in ("papermill", "execution"):
+            cell.metadata.pop(key, None)
+        if cell.cell_type == "code":
+            cell.outputs = list(_stable(cell.outputs))
+
+
+def _stable(outputs: list[Notebook]) -> Iterator[Notebook]:
+    """Without stderr and widgets; with stdout in one piece, however the kernel happened to cut it."""
+    printed = None
+    for output in outputs:
+        if output.output_type == "stream":
+            if output.name == "stderr":
+                continue
+            output.text = _without_addresses(output.text)
+            if printed is not None:
+                printed.text += output.text
+                continue
+            printed = output
+        else:
+            printed = None
+            data = output.get("data", {})
+            if any("widget" in kind for kind in data):
+                continue
+            for kind, value in data.items():
+                if kind.startswith("text/") and isinstance(value, str):
+                    data[kind] = _without_addresses(value)
+        yield output
+
+
+def _without_addresses(text: str) -> str:
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
+
+
+def problems(source: Path) -> list[str]:
+    """What keeps a source notebook from being one: stored results, no stable cell ids, no `parameters` cell."""
+    notebook = nbformat.read(source, as_version=nbformat.NO_CONVERT)
+    if (notebook.nbformat, notebook.nbformat_minor) < (4, 5):
+        return [f"{source.name}: format {notebook.nbformat}.{notebook.nbformat_minor} has no cell ids; save it as 4.5"]
+    found = []
+    if any(cell.get("outputs") or cell.get("execution_count") for cell in notebook.cells):
+        found.append(
+            f"{source.name}: has outputs; clear them: jupyter nbconvert --clear-output --inplace {source.name}"
+        )
+    tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
+    needed = [f'{key} = "{value}"' for key, value in DEFAULTS.items()]
+    if len(tagged) != 1 or any(line not in tagged[0] for line in needed):
+        found.append(f"{source.name}: needs one cell tagged 'parameters' that says: {'; '.join(needed)}")
+    return found
+
+
+@contextmanager
+def _kernel_environment(scratch: str) -> Iterator[None]:
+    """Start kernels from this environment alone: nothing of the user's profile, figures inline, no warnings."""
+    before = os.environ.copy()
+    os.environ.update(
+        IPYTHONDIR=scratch,
+        JUPYTER_PATH=f"{sys.prefix}/share/jupyter",
+        JUPYTER_RUNTIME_DIR=scratch,
+        JUPYTER_PLATFORM_DIRS="1",
+        MPLBACKEND="module://matplotlib_inline.backend_inline",
+        PYDEVD_DISABLE_FILE_VALIDATION="1",
+        **REPRODUCIBLE,
+    )
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)

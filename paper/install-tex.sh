@@ -1,0 +1,22 @@
+#!/bin/sh
+# The report needs LaTeX. Where it is missing: install it if this is Debian and we may, else say how.
+set -eu
+
+packages='latexmk texlive-latex-recommended lmodern'
+
+if command -v latexmk >/dev/null && command -v pdflatex >/dev/null && kpsewhich lmodern.sty booktabs.sty >/dev/null; then
+    exit 0
+elif ! command -v apt-get >/dev/null; then
+    echo "homing: the report needs LaTeX; install what Debian calls $packages, then run: make paper" >&2
+    exit 1
+elif [ "$(id -u)" -eq 0 ]; then
+    as_root=
+elif sudo -n true 2>/dev/null; then
+    as_root='sudo'
+else
+    echo "homing: the report needs LaTeX; run: sudo apt-get install --no-install-recommends $packages" >&2
+    exit 1
+fi
+
+$as_root apt-get update -q
+$as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $packages

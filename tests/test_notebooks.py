@@ -1,0 +1,105 @@
+"""Executed notebooks are a function of their sources, and a failure is told in one line."""
+
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from homing_lib import notebooks
+from homing_lib.settings import UserError
+
+PARAMETERS = 'profile = "full"\nfigures_dir = "../figures"'
+UNSTABLE = """
+import sys, time, matplotlib.pyplot as plt
+for word in ("one", "two"):
+    print(word, flush=True)
+    print("progress", file=sys.stderr, flush=True)
+    time.sleep(0.05)
+print(object(), flush=True)
+plt.plot([1, 2])
+plt.savefig(f"{figures_dir}/line.pdf")
+plt.show()
+_ = open(f"{figures_dir}/profile.txt", "w").write(profile)
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    """Writes tmp_path/notebooks/tiny.ipynb from the sources of its code cells, the first tagged `parameters`."""
+
+    def write(*sources: str) -> Path:
+        notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in sources])
+        notebook.cells[0].metadata["tags"] = ["parameters"]
+        path = tmp_path / "notebooks" / "tiny.ipynb"
+        path.parent.mkdir(exist_ok=True)
+        nbformat.write(notebook, path)
+        return path
+
+    return write
+
+
+def test_executing_twice_gives_the_same_bytes_and_leaves_the_source_alone(write, tmp_path):
+    source = write(PARAMETERS, UNSTABLE)
+    before = source.read_bytes()
+    runs = []
+    for _ in range(2):
+        written = notebooks.execute(str(source))
+        runs.append([path.read_bytes() for path in written])
+    assert [path.relative_to(tmp_path).as_posix() for path in written] == [
+        "notebooks/executed/tiny.ipynb",
+        "figures/line.pdf",
+        "figures/profile.txt",
+    ]
+    assert runs[0] == runs[1]
+    assert source.read_bytes() == before
+
+    executed = nbformat.read(written[0], as_version=4)
+    nbformat.validate(executed)
+    printed, figure = executed.cells[1].outputs
+    assert printed.text == "one\ntwo\n<object object>\n"
+    assert "image/png" in figure.data
+    assert str(tmp_path) not in written[0].read_text()
+
+
+def test_the_quick_profile_writes_only_where_it_is_told(write, tmp_path):
+    source = write(PARAMETERS, UNSTABLE)
+    quick = tmp_path / "quick"
+    notebooks.execute(str(source), "quick", output_dir=quick, figures_dir=quick / "figures")
+    assert (quick / "tiny.ipynb").exists()
+    assert (quick / "figures" / "profile.txt").read_text() == "quick"
+    assert not (source.parent / "executed").exists()
+    assert list((tmp_path / "figures").glob("*")) == []
+    assert str(tmp_path) not in (quick / "tiny.ipynb").read_text()
+
+
+def test_a_failing_cell_is_told_in_one_line_and_the_earlier_copy_stays(write):
+    source = write(PARAMETERS, "x = 0")
+    copy, *_ = notebooks.execute(str(source))
+    before = copy.read_bytes()
+    write(PARAMETERS, "x = 0", "# one over nothing\n1 / x")
+    with pytest.raises(UserError) as failure:
+        notebooks.execute(str(source))
+    assert str(failure.value) == "tiny.ipynb, cell [3] `# one over nothing`: ZeroDivisionError: division by zero"
+    assert copy.read_bytes() == before
+    assert list(copy.parent.iterdir()) == [copy]
+
+
+def test_an_unknown_notebook_is_a_users_mistake():
+    with pytest.raises(UserError, match="no notebook '99-nothing'"):
+        notebooks.execute("99-nothing")
+
+
+def test_problems_names_stored_results_and_a_missing_parameters_cell(write):
+    assert notebooks.problems(write(PARAMETERS)) == []
+    source = write("profile = 'quick'")
+    notebook = nbformat.read(source, as_version=4)
+    notebook.cells[0].execution_count = 1
+    nbformat.write(notebook, source)
+    outputs, parameters = notebooks.problems(source)
+    assert "has outputs" in outputs
+    assert "parameters" in parameters
+
+
+@pytest.mark.parametrize("source", sorted(notebooks.NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_every_source_notebook_is_clean(source):
+    assert notebooks.problems(source) == []

@@ -1,0 +1,131 @@
+"""The build remakes what changed and nothing else, and says in one line what is missing."""
+
+import os
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from homing_lib.notebooks import REPRODUCIBLE
+
+ROOT = Path(__file__).parent.parent
+
+# Stands in for .venv/bin/python: logs what it is asked to do, and writes what `homing` would.
+PYTHON = """#!/bin/sh
+shift 2
+echo "$*" >> log
+case $1 in
+    data) [ -e "$3" ] || touch "$3" ;;
+    notebook) touch "figures/$2.pdf"; echo "figures/$2.pdf" ;;
+esac
+"""
+
+
+def script(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755)
+
+
+def run(*command: str | Path, cwd: Path, path: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=cwd, env={"PATH": path}, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def make(tmp_path):
+    """Runs make in a project of two notebooks, with stand-ins for Python and LaTeX; returns what these were asked."""
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    script(tmp_path / ".venv/bin/python", PYTHON)
+    script(tmp_path / "bin/latexmk", "#!/bin/sh\necho report >> log\ntouch .build/paper/report.pdf\n")
+    script(tmp_path / "paper/install-tex.sh", "#!/bin/sh\n")
+    for name in ("homing_lib", "figures", "notebooks"):
+        (tmp_path / name).mkdir()
+    for name in ("homing_lib/td.py", "notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "paper/report.tex"):
+        (tmp_path / name).touch()
+    for name in ("environment.lock", "pyproject.toml", ".venv/.locked", ".venv/.ready"):
+        (tmp_path / name).touch()
+
+    def make(*arguments: str) -> list[str]:
+        (tmp_path / "log").write_text("")
+        done = run("make", *arguments, cwd=tmp_path, path=f"{tmp_path}/bin:{os.environ['PATH']}")
+        assert done.returncode == 0, done.stderr
+        return [line.partition(" --stamp")[0] for line in (tmp_path / "log").read_text().splitlines()]
+
+    return make
+
+
+def later(path: Path) -> None:
+    """Changed just now, on file systems of any resolution."""
+    stat = path.stat()
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns + 10**9))
+
+
+def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(make):
+    assert make() == ["data", "verify", "report", "notebook 01-a", "notebook 02-b", "report", "summary"]
+    assert make() == ["data", "summary"]
+
+
+def test_a_touched_notebook_remakes_itself_and_the_report_only(make, tmp_path):
+    make()
+    later(tmp_path / "notebooks/02-b.ipynb")
+    assert make() == ["data", "notebook 02-b", "report", "summary"]
+
+
+def test_changed_data_remake_all_that_reads_them(make, tmp_path):
+    make()
+    later(tmp_path / ".build/data")
+    assert make("-j1", "paper") == ["data", "report", "notebook 01-a", "notebook 02-b", "report"]
+
+
+def test_a_deleted_figure_is_made_again(make, tmp_path):
+    make()
+    (tmp_path / "figures/01-a.pdf").unlink()
+    assert "notebook 01-a" in make()
+    assert (tmp_path / "figures/01-a.pdf").exists()
+
+
+def test_without_python_3_11_make_says_so_in_one_line(tmp_path):
+    for name in ("Makefile", "environment.lock", "pyproject.toml"):
+        shutil.copy(ROOT / name, tmp_path)
+    done = run("make", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
+    assert done.returncode != 0
+    assert "homing: 'python3.11-missing' is no Python 3.11 with venv; on Debian: apt-get install" in done.stderr
+    assert len(done.stderr.splitlines()) == 2  # the second is make's own
+    assert not (tmp_path / ".venv").exists()
+
+
+@pytest.mark.parametrize("user", [0, 1000])
+def test_without_latex_root_gets_it_and_others_are_told_the_command(user, tmp_path):
+    script(tmp_path / "id", f"#!/bin/sh\necho {user}\n")
+    script(tmp_path / "sudo", "#!/bin/sh\nexit 1\n")
+    script(tmp_path / "apt-get", f'#!/bin/sh\necho "$*" >> {tmp_path}/log\n')
+    (tmp_path / "env").symlink_to("/usr/bin/env")
+    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
+    packages = "--no-install-recommends latexmk texlive-latex-recommended lmodern"
+    if user == 0:
+        assert done.returncode == 0
+        assert (tmp_path / "log").read_text() == f"update -q\ninstall -q -y {packages}\n"
+    else:
+        assert done.returncode == 1
+        assert done.stderr == f"homing: the report needs LaTeX; run: sudo apt-get install {packages}\n"
+        assert not (tmp_path / "log").exists()
+
+
+def test_notebooks_run_under_the_settings_of_the_makefile():
+    makefile = (ROOT / "Makefile").read_text()
+    for name, value in REPRODUCIBLE.items():
+        assert f"export {name} := {value}\n" in makefile
+
+
+def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
+    lock = (ROOT / "environment.lock").read_text()
+    assert not re.search(r"https?://|file:|--(extra-)?index|--find-links", lock)
+    packages = re.findall(r"^(\S+)==(\S+) \\\n    --hash=sha256:", lock, flags=re.MULTILINE)
+    assert len(packages) == len(re.findall(r"^\w", lock, flags=re.MULTILINE))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    names = {re.match(r"[\w-]+", dependency)[0].replace("_", "-") for dependency in wanted}
+    assert names <= {name for name, _ in packages}
