@@ -1,0 +1,121 @@
+"""The `homing` command."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from homing_lib.settings import Settings, UserError, parse_settings
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code. A user's mistake is one line on standard error."""
+    try:
+        options = _parser().parse_args(arguments)
+        options.command(options)
+    except (UserError, OSError) as error:
+        print(f"homing: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("homing: interrupted; what was finished is kept, the same command goes on from there", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="homing", description="A robot that learns its way home, and its study.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, function: Any, text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=text)
+        added.set_defaults(command=function)
+        return added
+
+    run = command("run", _run, "one experiment, with the camera; prints a summary")
+    run.add_argument("--seed", type=int, default=0)
+    run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
+    run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
+    command("settings", _settings, "every setting, its default and its source")
+    data = command("data", _data, "check the stored runs and compute those that are missing")
+    data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
+    data.add_argument("--force", action="store_true", help="compute all runs anew")
+    command("verify", _verify, "repeat a stored run live and compare it to the bit")
+    notebook = command("notebook", _notebook, "execute a notebook and list what it wrote")
+    notebook.add_argument("name")
+    notebook.add_argument("--profile", choices=("full", "quick"), default="full")
+    notebook.add_argument("--output-dir", type=Path)
+    notebook.add_argument("--figures-dir", type=Path)
+    command("report", _report, "the numbers and tables of the report, as LaTeX")
+    command("summary", _summary, "the headline numbers")
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from homing_lib import agent, runs
+
+    settings = changed_settings(options.set)
+    with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
+        result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
+    print(f"steps an episode: {' '.join(str(length) for length in result.lengths)}")
+    print(f"home reached in {result.reached.sum()} of {settings.episodes} episodes")
+    if result.diverged:
+        print(f"diverged in episode {result.diverged}")
+    if options.out:
+        runs.save(result, options.out)
+
+
+def changed_settings(changes: Sequence[str]) -> Settings:
+    """Settings from texts like "alpha0=0.003". Raises UserError."""
+    pairs = [change.partition("=") for change in changes]
+    for name, equals, _ in pairs:
+        if not equals:
+            raise UserError(f"--set {name}: expected NAME=VALUE")
+    return parse_settings({name: value for name, _, value in pairs})
+
+
+def _settings(_: argparse.Namespace) -> None:
+    for name, field in Settings.model_fields.items():
+        print(f"{name:24} {field.default!s:16} {field.description}")
+
+
+def _data(options: argparse.Namespace) -> None:
+    from homing_lib import runs
+
+    for study in runs.STUDIES.values():
+        runs.sweep(study, force=options.force)
+    if options.stamp:
+        fingerprint = runs.fingerprint(runs.STUDIES.values()) + "\n"
+        if not options.stamp.exists() or options.stamp.read_text() != fingerprint:
+            options.stamp.write_text(fingerprint)
+
+
+def _verify(_: argparse.Namespace) -> None:
+    from homing_lib import runs
+
+    print(runs.verify())
+
+
+def _notebook(options: argparse.Namespace) -> None:
+    from homing_lib import notebooks
+
+    for path in notebooks.execute(options.name, options.profile, options.output_dir, options.figures_dir):
+        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _report(_: argparse.Namespace) -> None:
+    from homing_lib import report
+
+    print(report.latex())
+
+
+def _summary(_: argparse.Namespace) -> None:
+    from homing_lib import report
+
+    print(report.summary())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

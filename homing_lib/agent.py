@@ -1,0 +1,181 @@
+"""An experiment as the paper describes it: look at home, survey, then learn for some episodes (Fig. 2, section IV)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from homing_lib import lambdas
+from homing_lib.environment import HomingEnv, survey
+from homing_lib.features import Array
+from homing_lib.policy import action_probabilities, decrease_rate, sample
+from homing_lib.sarsa import LinearSarsa
+from homing_lib.settings import Settings
+from homing_lib.td import Diverged
+
+STEP_COLUMNS = (
+    "x",  # m, of the pose reached
+    "y",  # m
+    "heading",  # rad
+    "action",  # driven and credited
+    "reward",
+    "similarity",  # NRB of the view from there
+    "delta",  # TD error
+    "lambda",
+    "clipped",  # whether lambda was
+    "change",  # Euclidean length of the weights' change
+    "at_wall",  # stopped, or turning away
+)
+"""What an episode records at every step."""
+
+
+class SarsaAgent:
+    """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images."""
+
+    def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
+        self.settings = settings
+        self._rng = rng
+        rule = lambdas.parse(settings.lambda_rule)
+        self.learner = LinearSarsa(
+            settings.n_features,
+            3,
+            step_size=settings.alpha0,
+            discount=settings.discount,
+            lambda_rule=overwritten(rule) if settings.overwrite_features else rule,
+            initial_weight=settings.theta0,
+            traces=settings.traces,
+            update=settings.update,
+            bootstrap_terminal=settings.bootstrap_terminal,
+        )
+
+    def begin_episode(self, number: int) -> None:
+        """Set step size, epsilon and tau for episode 1, 2, ... (eq. 23) and clear the traces."""
+        s = self.settings
+        rate = decrease_rate(number, s.first_episode)
+        self.learner.step_size = s.alpha0 * rate
+        self._epsilon, self._temperature = s.epsilon0 * rate, s.tau0 * rate
+        self.learner.begin_episode()
+
+    def choose(self, phi: Array) -> int:
+        """Draw an action from eq. (22)."""
+        probabilities = action_probabilities(
+            self.learner.values(phi).tolist(),
+            epsilon=self._epsilon,
+            temperature=self._temperature,
+            mixture=self.settings.mixture,
+        )
+        return sample(probabilities, self._rng)
+
+    def learn(
+        self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
+    ) -> tuple[float, float, bool, float]:
+        """One update. Returns the TD error, lambda, whether it was clipped, and the length of the weights' change."""
+        if at_wall and not self.settings.learn_at_walls:
+            return 0.0, 0.0, False, 0.0
+        delta = self.learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
+        return delta, self.learner.lambda_, self.learner.clipped, self.learner.change
+
+
+class RandomAgent:
+    """Every action with the same probability, nothing learnt: the reference."""
+
+    def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def begin_episode(self, number: int) -> None:
+        """Nothing to prepare."""
+
+    def choose(self, phi: Array) -> int:
+        """Draw an action."""
+        return int(self._rng.integers(3))
+
+    def learn(self, *_: Any) -> tuple[float, float, bool, float]:
+        """Nothing to learn."""
+        return 0.0, 0.0, False, 0.0
+
+
+def overwritten(rule: lambdas.LambdaRule) -> lambdas.LambdaRule:
+    """The rule as Fig. 2's last lines feed it: phi_t is overwritten before it is kept, so that phi_(t-1) is phi_t."""
+    return lambda **seen: rule(**{**seen, "phi_prev": seen["phi"]})
+
+
+def run_episode(
+    env: HomingEnv, agent: SarsaAgent | RandomAgent, options: dict[str, Any] | None = None
+) -> tuple[Array, bool]:
+    """One episode, whatever supplies the images. Returns its steps and whether home was reached.
+
+    env: observes features. The agent must have begun its episode. Steps: shape (T, len(STEP_COLUMNS)).
+    """
+    steps = []
+    phi, info = env.reset(options=options)
+    action = agent.choose(phi)
+    while True:
+        phi_next, reward, terminated, truncated, info = env.step(action)
+        action, reflex, at_wall = info["action"], info["reflex"], info["at_wall"]
+        next_action = agent.choose(phi_next) if reflex < 0 else reflex
+        learnt = agent.learn(phi, action, reward, phi_next, next_action, terminated, at_wall)
+        steps.append((*info["pose"], action, reward, info["similarity"], *learnt, at_wall))
+        if terminated or truncated:
+            return np.array(steps, dtype=np.float64), terminated
+        phi, action = phi_next, next_action
+
+
+@dataclass(frozen=True)
+class Run:
+    """One experiment from snapshot to last episode.
+
+    steps: shape (all steps, len(STEP_COLUMNS)); lengths: steps of each finished episode; reached: whether each ended
+    at home; diverged: the episode (1, 2, ...) in which the weights left the finite numbers and the run ended, or 0.
+    """
+
+    settings: Settings
+    seed: int
+    steps: Array
+    lengths: Array
+    reached: Array
+    diverged: int
+
+    def column(self, name: str) -> Array:
+        """One column of the steps, all episodes in a row."""
+        return self.steps[:, STEP_COLUMNS.index(name)]
+
+    def episode(self, number: int) -> Array:
+        """The steps of episode 1, 2, ...; negative numbers count from the last."""
+        ends = np.cumsum(self.lengths).astype(int)
+        index = number - 1 if number > 0 else len(ends) + number
+        return self.steps[ends[index] - int(self.lengths[index]) : ends[index]]
+
+
+def run(settings: Settings, seed: int, after_episode: Callable[[int], object] = lambda number: None) -> Run:
+    """The whole experiment, fixed to the bit by settings and seed. `after_episode` is told 1, 2, ... for progress."""
+    survey_rng, agent_rng, world_seed = _streams(seed)
+    with HomingEnv(settings, observation="features") as env:
+        env.model = survey(env.world, settings, env.home, survey_rng)
+        agent = (SarsaAgent if settings.controller == "sarsa" else RandomAgent)(settings, agent_rng)
+        env.reset(seed=world_seed)
+        episodes, reached, diverged = [], [], 0
+        for number in range(1, settings.episodes + 1):
+            agent.begin_episode(number)
+            try:
+                steps, home = run_episode(env, agent)
+            except Diverged:
+                diverged = number
+                break
+            episodes.append(steps)
+            reached.append(home)
+            after_episode(number)
+    return Run(
+        settings,
+        seed,
+        np.concatenate(episodes) if episodes else np.empty((0, len(STEP_COLUMNS))),
+        np.array([len(steps) for steps in episodes], dtype=np.int64),
+        np.array(reached, dtype=bool),
+        diverged,
+    )
+
+
+def _streams(seed: int) -> tuple[np.random.Generator, np.random.Generator, int]:
+    """Independent random numbers for the survey, the agent and the world, all from one seed."""
+    survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
+    return np.random.default_rng(survey_seed), np.random.default_rng(agent_seed), int(world_seed.generate_state(1)[0])

@@ -1,0 +1,319 @@
+"""The real parts: a room in PyBullet with a robot's camera, its infra-red sensors and contact, each asked by pose.
+
+Nothing is simulated between two questions: the robot is placed, and Bullet says what it sees and touches.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from math import cos, pi, radians, sin
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from homing_lib.features import Array, histogram
+from homing_lib.robot import INFRARED_ANGLES_DEG, Pose
+from homing_lib.rooms import Ball, Box, Cone, Room, Texture
+from homing_lib.settings import Settings
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Bullet greets on the process's own output, below Python's."""
+    keep = os.dup(2)
+    with Path(os.devnull).open("w") as sink:
+        os.dup2(sink.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(keep, 2)
+        os.close(keep)
+
+
+with _quiet():
+    import pybullet
+
+Image = NDArray[np.uint8]
+
+_AMBIENT_OF_FULL_LIGHT = 1.0
+_BODY_HEIGHT_M = 0.03
+_COLOUR_SHARE = 0.35
+_PERSISTENCE = 0.4
+
+
+class Arena:
+    """A room and the robot's body in it. Use as a context manager, or `close()` it: it holds a Bullet client.
+
+    room: what to build; settings: camera, body and infra-red fields.
+    """
+
+    def __init__(self, room: Room, settings: Settings) -> None:
+        self.room = room
+        self.settings = settings
+        self._client = pybullet.connect(pybullet.DIRECT)
+        if self._client < 0:
+            raise RuntimeError("PyBullet gave no physics client: too many are open; close() those no longer used")
+        self.body_names: dict[int, str] = {}
+        self._colliders: list[int] = []
+        with tempfile.TemporaryDirectory() as folder:
+            self._texture_folder = Path(folder)
+            self._build()
+        self._obstacles = [body for body in self._colliders if body != self._robot]
+        self._projection = pybullet.computeProjectionMatrixFOV(settings.field_of_view_deg, 1.0, 0.005, 4.0)
+        self._image_options = dict(
+            shadow=0,
+            lightDirection=(0.0, 0.0, 1.0),
+            lightColor=(1.0, 1.0, 1.0),
+            lightAmbientCoeff=_AMBIENT_OF_FULL_LIGHT * settings.light,
+            lightDiffuseCoeff=0.0,
+            lightSpecularCoeff=0.0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+
+    # --- What the robot sees ---------------------------------------------------------------------------------------
+
+    def image(self, pose: Pose) -> Image:
+        """The camera's image at a pose: shape (size, size, 4), RGB and an unused fourth channel."""
+        return self._render(pose, pybullet.ER_NO_SEGMENTATION_MASK)[2]
+
+    def histogram(self, pose: Pose) -> Array:
+        """Scaled histograms of the image at a pose (eq. 11), shape (3 B,)."""
+        return histogram(self.image(pose), self.settings.bin_size)
+
+    def visible(self, pose: Pose) -> set[str]:
+        """Names of all that at least one pixel of the image at a pose shows, by Bullet's segmentation mask."""
+        mask = np.asarray(self._render(pose, 0)[4])
+        return {self.body_names[body] for body in np.unique(mask) if body >= 0}
+
+    def _render(self, pose: Pose, flags: int) -> Any:
+        s = self.settings
+        forward_x, forward_y = cos(pose.heading), sin(pose.heading)
+        eye = (pose.x + s.camera_offset_m * forward_x, pose.y + s.camera_offset_m * forward_y, s.camera_height_m)
+        target = (eye[0] + forward_x, eye[1] + forward_y, eye[2])
+        view = pybullet.computeViewMatrix(eye, target, (0.0, 0.0, 1.0))
+        return pybullet.getCameraImage(
+            s.image_size, s.image_size, view, self._projection, flags=flags, **self._image_options
+        )
+
+    def top_view(self, pixels: int = 480) -> Image:
+        """The room from above with the same textures, shape (height, pixels, 3): x to the right, y upwards."""
+        width, depth = self.room.size
+        distance = 6.0
+        view = pybullet.computeViewMatrix(
+            (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0), (0.0, 1.0, 0.0)
+        )
+        half = width / 2 * 0.02 / distance
+        projection = pybullet.computeProjectionMatrix(
+            -half, half, -half * depth / width, half * depth / width, 0.02, 8.0
+        )
+        height = round(pixels * depth / width)
+        image = pybullet.getCameraImage(pixels, height, view, projection, **self._image_options)[2]
+        return np.ascontiguousarray(image[:, :, :3])
+
+    # --- What it touches and feels --------------------------------------------------------------------------------
+
+    def clearance(self, x: float, y: float) -> float:
+        """Metres between the body centred at x, y and the nearest obstacle, negative inside one; at most .1."""
+        pybullet.resetBasePositionAndOrientation(
+            self._robot, (x, y, _BODY_HEIGHT_M / 2), (0.0, 0.0, 0.0, 1.0), physicsClientId=self._client
+        )
+        nearest = 0.1
+        for obstacle in self._obstacles:
+            for point in pybullet.getClosestPoints(self._robot, obstacle, nearest, physicsClientId=self._client):
+                nearest = min(nearest, point[8])
+        return nearest
+
+    def infrared(self, pose: Pose) -> Array:
+        """What the eight sensors read: metres from the body's edge to the nearest surface, at most their range."""
+        radius = self.settings.body_diameter_m / 2
+        reach = radius + self.settings.infrared_range_m
+        directions = [pose.heading + radians(angle) for angle in INFRARED_ANGLES_DEG]
+        starts = [(pose.x + radius * cos(d), pose.y + radius * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
+        ends = [(pose.x + reach * cos(d), pose.y + reach * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
+        hits = pybullet.rayTestBatch(starts, ends, physicsClientId=self._client)
+        return np.array([hit[2] for hit in hits]) * self.settings.infrared_range_m
+
+    # --- Building -----------------------------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        room, (width, depth), height, thick = self.room, self.room.size, self.room.wall_height, 0.1
+        self._body("floor", room.floor, _quad((0, 0, 0), (width, 0, 0), (0, depth, 0)))
+        # Each wall: its lower left corner and the way to the right, as seen from inside, and the box behind it.
+        walls = {
+            "east": ((width, depth, 0), (0, -depth, 0), (width + thick / 2, depth / 2), (thick / 2, depth)),
+            "north": ((0, depth, 0), (width, 0, 0), (width / 2, depth + thick / 2), (width, thick / 2)),
+            "west": ((0, 0, 0), (0, depth, 0), (-thick / 2, depth / 2), (thick / 2, depth)),
+            "south": ((width, 0, 0), (-width, 0, 0), (width / 2, -thick / 2), (width, thick / 2)),
+        }
+        for name, (corner, right, centre, half) in walls.items():
+            collider = self._shape(pybullet.GEOM_BOX, (*centre, height / 2), halfExtents=(*half, height / 2))
+            self._body(f"{name} wall", room.walls[name], _quad(corner, right, (0, 0, height)), collider)
+        for number, picture in enumerate(room.pictures, start=1):
+            lower_left, along = (np.array(v, dtype=float) for v in walls[picture.wall][:2])
+            length = float(np.linalg.norm(along))
+            along /= length
+            from_left = length - picture.along if picture.wall in ("east", "south") else picture.along
+            lower_left += along * (from_left - picture.size[0] / 2) + 0.002 * np.cross(along, (0, 0, 1))
+            lower_left[2] = picture.height - picture.size[1] / 2
+            mesh = _quad(lower_left, along * picture.size[0], (0, 0, picture.size[1]))
+            self._body(f"picture {number}", picture.texture, mesh)
+        for thing in room.objects:
+            match thing:
+                case Box():
+                    halves = tuple(side / 2 for side in thing.size)
+                    collider = self._shape(pybullet.GEOM_BOX, (thing.x, thing.y, halves[2]), halfExtents=halves)
+                    front, *others = _box_sides(thing)
+                    self._body(thing.name, thing.texture, _joined(others), collider)
+                    self._body(thing.name, thing.front or thing.texture, front)
+                case Ball():
+                    collider = self._shape(pybullet.GEOM_SPHERE, (thing.x, thing.y, thing.radius), radius=thing.radius)
+                    self._body(thing.name, thing.texture, _ball(thing), collider)
+                case Cone():
+                    mesh = _cone(thing)
+                    collider = self._shape(pybullet.GEOM_MESH, (0, 0, 0), vertices=mesh.vertices)
+                    self._body(thing.name, thing.texture, mesh, collider)
+        body = self._shape(
+            pybullet.GEOM_CYLINDER, (0, 0, 0), radius=self.settings.body_diameter_m / 2, height=_BODY_HEIGHT_M
+        )
+        # A body without a visual shape shows its collision shape; this triangle below the floor keeps it unseen.
+        nothing = _Mesh([(0.0, 0.0, -1.0)] * 3, [0, 1, 2], [(0.0, 0.0)] * 3)
+        self._robot = self._body("robot", room.floor, nothing, body)
+
+    def _shape(self, kind: int, centre: Sequence[float], **size: Any) -> int:
+        return int(
+            pybullet.createCollisionShape(kind, collisionFramePosition=centre, physicsClientId=self._client, **size)
+        )
+
+    def _body(self, name: str, texture: Texture, mesh: "_Mesh", collider: int = -1) -> int:
+        visual = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=mesh.vertices,
+            indices=mesh.triangles,
+            uvs=mesh.uvs,
+            normals=[(0.0, 0.0, 1.0)] * len(mesh.vertices),
+            physicsClientId=self._client,
+        )
+        body = int(
+            pybullet.createMultiBody(
+                baseVisualShapeIndex=visual, baseCollisionShapeIndex=collider, physicsClientId=self._client
+            )
+        )
+        path = self._texture_folder / f"{body}.png"
+        if not cv2.imwrite(str(path), paint(texture, self.room.texture_seed, name)[:, :, ::-1]):
+            raise OSError(f"{path}: the texture could not be written; is the disk full?")
+        image = pybullet.loadTexture(str(path), physicsClientId=self._client)
+        pybullet.changeVisualShape(body, -1, textureUniqueId=image, physicsClientId=self._client)
+        self.body_names[body] = name
+        if collider >= 0:
+            self._colliders.append(body)
+        return body
+
+    # --- Closing --------------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Free the Bullet client. Closing twice is harmless."""
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+            self._client = -1
+
+    def __enter__(self) -> "Arena":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@cache
+def paint(texture: Texture, seed: int, name: str, texels: int = 256) -> Image:
+    """The texels of a surface, shape (texels, texels, 3). The same texture, seed and name give the same bytes."""
+    key = int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8])
+    rng = np.random.default_rng(key)
+    base = np.clip(np.array(texture.rgb), 0.02, 0.98)
+    logit = np.log(base / (1 - base)) + np.zeros((texels, texels, 3))
+
+    def noise(cells: int) -> Array:
+        """Light and dark shared by the channels, and some colour of each, at unit variance."""
+        shared, own = rng.standard_normal((cells, cells, 1)), rng.standard_normal((cells, cells, 3))
+        return np.sqrt(1 - _COLOUR_SHARE) * shared + np.sqrt(_COLOUR_SHARE) * own
+
+    cells, strength = texture.patches, texture.contrast
+    while cells <= texels // 4:
+        logit += strength * cv2.resize(noise(cells), (texels, texels), interpolation=cv2.INTER_LINEAR)
+        cells, strength = 2 * cells, strength * _PERSISTENCE
+    if texture.picture:
+        row, column = np.mgrid[0:texels, 0:texels] / texels
+        sky = (row < 0.6)[:, :, None]
+        sun = ((row - 0.42) ** 2 + (column - 0.65) ** 2 < 0.03)[:, :, None]
+        logit += np.where(sky, [-0.4, 0.3, 1.3], [-0.6, 0.8, -1.4]) + sun * np.array([2.6, 1.6, -1.6])
+    logit += texture.grain * noise(texels)
+    return np.rint(255 / (1 + np.exp(-logit))).astype(np.uint8)
+
+
+class _Mesh(NamedTuple):
+    """A textured surface in room coordinates; triangles are seen from the side from which they run anticlockwise."""
+
+    vertices: list[tuple[float, float, float]]
+    triangles: list[int]
+    uvs: list[tuple[float, float]]
+
+
+def _joined(meshes: Sequence[_Mesh]) -> _Mesh:
+    joined = _Mesh([], [], [])
+    for mesh in meshes:
+        joined.triangles.extend(index + len(joined.vertices) for index in mesh.triangles)
+        joined.vertices.extend(mesh.vertices)
+        joined.uvs.extend(mesh.uvs)
+    return joined
+
+
+def _quad(corner: ArrayLike, right: ArrayLike, up: ArrayLike) -> _Mesh:
+    """Two triangles: Bullet's own boxes would show about 2 x 2 cells of a texture."""
+    a, r, u = (np.array(v, dtype=float) for v in (corner, right, up))
+    vertices = [(float(v[0]), float(v[1]), float(v[2])) for v in (a, a + r, a + r + u, a + u)]
+    return _Mesh(vertices, [0, 1, 2, 0, 2, 3], [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+
+
+def _box_sides(box: Box) -> list[_Mesh]:
+    """Front (towards -x), back, the two ends and the top."""
+    length, width, height = box.size
+    x0, x1 = box.x - length / 2, box.x + length / 2
+    y0, y1 = box.y - width / 2, box.y + width / 2
+    up = (0, 0, height)
+    return [
+        _quad((x0, y1, 0), (0, -width, 0), up),
+        _quad((x1, y0, 0), (0, width, 0), up),
+        _quad((x0, y0, 0), (length, 0, 0), up),
+        _quad((x1, y1, 0), (-length, 0, 0), up),
+        _quad((x0, y0, height), (length, 0, 0), (0, width, 0)),
+    ]
+
+
+def _cone(cone: Cone, sides: int = 16) -> _Mesh:
+    angles = [2 * pi * side / sides for side in range(sides + 1)]
+    rim = [(cone.x + cone.radius * cos(a), cone.y + cone.radius * sin(a), 0.0) for a in angles]
+    triangles = [index for side in range(sides) for index in (side, side + 1, sides + 1 + side)]
+    uvs = [(i / sides, 0.0) for i in range(sides + 1)] + [((i + 0.5) / sides, 1.0) for i in range(sides)]
+    return _Mesh(rim + [(cone.x, cone.y, cone.height)] * sides, triangles, uvs)
+
+
+def _ball(ball: Ball, rings: int = 6, sides: int = 12) -> _Mesh:
+    mesh = _Mesh([], [], [])
+    for ring in range(rings + 1):
+        for side in range(sides + 1):
+            down, around = pi * ring / rings, 2 * pi * side / sides
+            flat = ball.radius * sin(down)
+            mesh.vertices.append(
+                (ball.x + flat * cos(around), ball.y + flat * sin(around), ball.radius + ball.radius * cos(down))
+            )
+            mesh.uvs.append((side / sides, ring / rings))
+    for first in (ring * (sides + 1) + side for ring in range(rings) for side in range(sides)):
+        below = first + sides + 1
+        mesh.triangles.extend((first, below, first + 1, first + 1, below, below + 1))
+    return mesh

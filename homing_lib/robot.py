@@ -1,0 +1,131 @@
+"""The robot's body: exact arcs of a differential drive, the obstacle that stops them, and the reflex that follows.
+
+Where the robot is, is known to this module and to the records, never to the learner.
+"""
+
+from collections.abc import Callable
+from math import atan2, cos, pi, radians, sin
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from homing_lib.features import Array
+from homing_lib.settings import Settings
+
+LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD = range(3)
+"""The three actions of section III.D."""
+
+ACTION_NAMES = ("left", "right", "forward")
+
+INFRARED_ANGLES_DEG = (85.0, 45.0, 10.0, -10.0, -45.0, -85.0, 160.0, -160.0)
+"""Directions of the eight infra-red sensors from the heading, anticlockwise (Khepera II)."""
+
+FRONT_SENSORS = slice(1, 5)
+"""Those that decide whether the way is clear: 45, 10, -10 and -45 degrees."""
+
+
+class Pose(NamedTuple):
+    """Position in metres, heading in radians anticlockwise from the x axis."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class World(Protocol):
+    """What can be asked about a pose, of the arena itself or of an atlas of it."""
+
+    def histogram(self, pose: Pose) -> Array:
+        """Scaled histograms of the view (eq. 11), shape (3 B,)."""
+        ...
+
+    def clearance(self, x: float, y: float) -> float:
+        """Metres between the body centred there and the nearest obstacle; negative inside one."""
+        ...
+
+    def infrared(self, pose: Pose) -> Array:
+        """Metres that each of the eight sensors sees, shape (8,)."""
+        ...
+
+
+def wrapped(angle: float) -> float:
+    """The same angle in [-pi, pi]."""
+    return atan2(sin(angle), cos(angle)) if abs(angle) > pi else angle
+
+
+def arc(pose: Pose, left: float, right: float, wheel_base: float) -> Pose:
+    """The pose after the wheels rolled `left` and `right` metres without slip, at a constant ratio of speeds."""
+    turn = (right - left) / wheel_base
+    half = turn / 2
+    chord = (left + right) / 2 * (sin(half) / half if half else 1.0)
+    direction = pose.heading + half
+    return Pose(pose.x + chord * cos(direction), pose.y + chord * sin(direction), wrapped(pose.heading + turn))
+
+
+def drive(
+    pose: Pose, left: float, right: float, wheel_base: float, clearance: Callable[[float, float], float]
+) -> tuple[Pose, bool]:
+    """Follow the arc to its end, or until the body touches something. Returns the pose and whether it was stopped.
+
+    A clearance changes by no more than the centre moves: an arc that is shorter than the clearance at its start needs
+    no further look.
+    """
+    advance = abs(left + right) / 2
+    if not advance or clearance(pose.x, pose.y) > advance:
+        return arc(pose, left, right, wheel_base), False
+
+    def touches(share: float) -> bool:
+        there = arc(pose, share * left, share * right, wheel_base)
+        return clearance(there.x, there.y) < 0
+
+    blocked = next((share for share in (0.25, 0.5, 0.75, 1.0) if touches(share)), None)
+    if blocked is None:
+        return arc(pose, left, right, wheel_base), False
+    free = blocked - 0.25
+    for _ in range(10):
+        middle = (free + blocked) / 2
+        free, blocked = (free, middle) if touches(middle) else (middle, blocked)
+    return arc(pose, free * left, free * right, wheel_base), True
+
+
+class Robot:
+    """A body in a world, with the reactive behaviour of section V.A.
+
+    A move that an obstacle stops sets off the reflex: whatever is commanded next, the robot turns **in place**, by the
+    angle of a turning action, to one random side, until the four front sensors see a clear way. Each such turn is
+    driven, and to be credited, as that side's action. `reflex` says which action the next step will drive, if any.
+    """
+
+    def __init__(self, world: World, settings: Settings, pose: Pose) -> None:
+        self._world = world
+        self._settings = settings
+        self._commands = settings.wheel_commands_m
+        self._half_turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
+        self.place(pose)
+
+    def place(self, pose: Pose) -> None:
+        """Put the robot down somewhere; any reflex ends."""
+        self.pose = pose
+        self.reflex: int | None = None
+
+    def act(self, action: int, rng: np.random.Generator) -> tuple[int, bool]:
+        """One step. Returns the action driven, and whether the robot was at a wall: stopped, or in the reflex."""
+        reflex = self.reflex
+        if reflex is None:
+            left, right = self._commands[action]
+        else:
+            action = reflex
+            right = self._half_turn if reflex == LEFT_FORWARD else -self._half_turn
+            left = -right
+        s = self._settings
+        if s.wheel_slip:
+            left, right = (way * (1 + s.wheel_slip * rng.standard_normal()) for way in (left, right))
+        self.pose, stopped = drive(self.pose, left, right, s.wheel_base_m, self._world.clearance)
+        if stopped:
+            self.reflex = LEFT_FORWARD if rng.random() < 0.5 else RIGHT_FORWARD
+        elif reflex is not None and self._way_is_clear():
+            self.reflex = None
+        return action, stopped or reflex is not None
+
+    def _way_is_clear(self) -> bool:
+        return bool(self._world.infrared(self.pose)[FRONT_SENSORS].min() >= self._settings.clear_way_m)

@@ -1,0 +1,129 @@
+"""Rooms as data: what stands where, and how it looks. `arena.py` builds them, nothing else knows them by name."""
+
+from dataclasses import dataclass, field
+
+from homing_lib.robot import Pose
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A procedural surface: noise of several scales around a base colour, and grain, spread over the whole range.
+
+    rgb: base colour, 0 to 1 a channel. contrast: strength of the patches; grain: of the noise from texel to texel
+    (both as standard deviations on a logit scale). patches: coarse cells along the longer side. picture: paint a sun
+    over a horizon on top.
+    """
+
+    rgb: tuple[float, float, float]
+    contrast: float = 0.32
+    grain: float = 0.15
+    patches: int = 4
+    picture: bool = False
+
+
+@dataclass(frozen=True)
+class Box:
+    """An upright box on the floor: centre x, y and size in metres, seen and touched from all sides."""
+
+    name: str
+    x: float
+    y: float
+    size: tuple[float, float, float]
+    texture: Texture
+    front: Texture | None = None
+    """The face towards -x, where it differs (a television's picture)."""
+
+
+@dataclass(frozen=True)
+class Cone:
+    """An upright cone on the floor: centre, radius and height in metres."""
+
+    name: str
+    x: float
+    y: float
+    radius: float
+    height: float
+    texture: Texture
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball on the floor: centre and radius in metres."""
+
+    name: str
+    x: float
+    y: float
+    radius: float
+    texture: Texture
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A flat picture on a wall: centre along the wall and above the floor, width and height, in metres."""
+
+    wall: str
+    along: float
+    height: float
+    size: tuple[float, float]
+    texture: Texture
+
+
+@dataclass(frozen=True)
+class Room:
+    """A rectangle from (0, 0) to `size` with walls east (+x), north (+y), west and south, and what stands in it.
+
+    home: where the snapshot is taken. start: where every training episode begins. home_objects: names of what must
+    not be seen from there. texture_seed: fixes all surfaces.
+    """
+
+    name: str
+    size: tuple[float, float]
+    home: Pose
+    start: Pose
+    floor: Texture
+    walls: dict[str, Texture]
+    objects: tuple[Box | Cone | Ball, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    home_objects: tuple[str, ...] = ()
+    wall_height: float = 0.75
+    texture_seed: int = field(default=2014)
+
+
+FACING_AWAY = 3.141592653589793
+
+PAPER = Room(
+    name="paper",
+    size=(1.15, 1.00),
+    home=Pose(0.85, 0.50, 0.0),
+    start=Pose(0.25, 0.50, FACING_AWAY),
+    floor=Texture((0.45, 0.40, 0.35), contrast=0.25, grain=0.20, patches=6),
+    walls={
+        "east": Texture((0.80, 0.75, 0.60), contrast=0.28),
+        "north": Texture((0.25, 0.45, 0.75), contrast=0.35),
+        "west": Texture((0.75, 0.25, 0.30), contrast=0.35),
+        "south": Texture((0.30, 0.65, 0.25), contrast=0.35),
+    },
+    objects=(
+        Box(
+            "television",
+            x=1.11,
+            y=0.50,
+            size=(0.08, 0.36, 0.28),
+            texture=Texture((0.16, 0.15, 0.18), contrast=0.20),
+            front=Texture((0.75, 0.65, 0.75), patches=3, picture=True),
+        ),
+        Cone("cone", x=1.02, y=0.58, radius=0.03, height=0.09, texture=Texture((0.88, 0.42, 0.10), contrast=0.25)),
+        Ball("ball", x=1.02, y=0.42, radius=0.03, texture=Texture((0.18, 0.25, 0.85), contrast=0.25)),
+    ),
+    pictures=(
+        Picture("north", 0.30, 0.20, (0.26, 0.20), Texture((0.75, 0.70, 0.25), contrast=0.50, patches=3)),
+        Picture("north", 0.85, 0.22, (0.20, 0.26), Texture((0.60, 0.25, 0.65), contrast=0.50, patches=3)),
+        Picture("west", 0.30, 0.22, (0.24, 0.20), Texture((0.25, 0.70, 0.70), contrast=0.50, patches=3)),
+        Picture("west", 0.70, 0.20, (0.18, 0.24), Texture((0.80, 0.78, 0.72), contrast=0.50, patches=3)),
+        Picture("south", 0.25, 0.20, (0.20, 0.22), Texture((0.85, 0.35, 0.40), contrast=0.50, patches=3)),
+        Picture("south", 0.80, 0.22, (0.28, 0.18), Texture((0.20, 0.22, 0.45), contrast=0.50, patches=3)),
+    ),
+    home_objects=("television", "cone", "ball"),
+)
+
+ROOMS = {room.name: room for room in (PAPER,)}

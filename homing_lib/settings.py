@@ -1,0 +1,178 @@
+"""Every number of the model in one place: frozen, validated, and each with its source.
+
+A field's description opens with the equation or table that gives it, or with "declared" and the reason where the
+paper is silent. `printed` in a field's extra is what the paper prints, where that differs or where Table I lists it.
+"""
+
+import hashlib
+from math import radians
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from homing_lib import lambdas
+from homing_lib.features import Centre, Variance, bins_per_channel
+from homing_lib.policy import Mixture
+from homing_lib.sarsa import Traces, Update
+
+
+class UserError(Exception):
+    """A mistake that the user can mend: one line that says what, where and the remedy."""
+
+
+def _known_rule(text: str) -> str:
+    return str(lambdas.parse(text))
+
+
+def _field(default: Any, description: str, printed: str | None = None, **bounds: Any) -> Any:
+    return Field(default, description=description, json_schema_extra={"printed": printed}, **bounds)
+
+
+class Settings(BaseModel):
+    """The model, its world and how an experiment is run. `Settings()` is the default; `with_changes` derives others."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    # --- Table I -------------------------------------------------------------------------------------------------
+    episodes: int = _field(20, "Table I, EP: episodes of a run", "20", ge=1)
+    alpha0: float = _field(
+        1.25e-3,
+        "Table I, alpha_0: initial step size. Three values are printed; this is the one of section IV.A",
+        "1.25e-2 (table), 1.25e-3 (text), 0.1/(2 EP^2) = 1.25e-4 (formula)",
+        gt=0,
+    )
+    epsilon0: float = _field(
+        0.3, "Table I, epsilon_0: initial exploration. 0.3 EP is no probability", "0.3 EP = 6", ge=0, le=1
+    )
+    first_episode_share: float = _field(
+        0.3, "Table I, ep_0 as a share of EP: how soon alpha, epsilon and tau fall (eq. 23)", "0.3 EP = 6", ge=0
+    )
+    discount: float = _field(1.0, "Table I, gamma", "1", ge=0, le=1)
+    snapshots: int = _field(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
+    bin_size: int = _field(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
+    multiplier: float = _field(
+        12.0, "Eq. (19): psi_upper from this, psi_lower from one less", "11 and 12: .904 and .908", gt=1
+    )
+
+    # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
+    lambda_rule: Annotated[str, BeforeValidator(_known_rule)] = _field(
+        "fletcher-reeves", "Eq. (7), Fig. 2: form 2, or any rule that `lambdas.parse` knows", "form 2"
+    )
+    theta0: float = _field(1.0, "Fig. 2: initial value of every weight", "1")
+    traces: Traces = _field("accumulating", "Eq. (17)", "accumulating")
+    update: Update = _field("taken", "Eq. (18): weights of the taken action, or of all as is standard", "taken")
+    bootstrap_terminal: bool = _field(True, "Fig. 2 has no terminal case: home is valued like any view", "True")
+    overwrite_features: bool = _field(
+        False, "Fig. 2's last lines overwrite phi_t before they keep it, so that lambda sees phi_(t-1) = phi_t", "True"
+    )
+
+    # --- Exploration (section III.I) ------------------------------------------------------------------------------
+    mixture: Mixture = _field(
+        "normalised",
+        "Eq. (22), declared: softmax and epsilon-greedy weigh alike; `literal` is as printed",
+        "literal",
+    )
+    tau0: float = _field(0.05, "Eq. (20), declared: initial temperature, no value printed; falls like epsilon", gt=0)
+
+    # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
+    step_cost: Literal["1/t", "constant"] = _field(
+        "1/t", "Eq. (16): the cost of step t; `constant` charges the mean of 1/t over 100 steps", "1/t"
+    )
+    approach_reward: bool = _field(True, "Eq. (16): 2 NRB_t - NRB_(t-1) while both reach psi_lower", "True")
+    wall_penalty: float = _field(1.0, "V.A, declared: charged a step at a wall; the paper says only: high", ge=0)
+    learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
+
+    # --- Features (section III.B) ------------------------------------------------------------------------------------
+    variance: Variance = _field(
+        "pooled",
+        "Eq. (8) one sigma^2 a bin, eq. (12) one for all. Declared: per bin, since the published thresholds select "
+        "home only so",
+        "both",
+    )
+    centre: Centre = _field("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
+    survey_steps: int = _field(
+        2000, "Eq. (9), T. Declared: steps of the random drive before learning that estimates sigma^2", ge=2
+    )
+    variance_floor_pixels: float = _field(
+        1.0, "Declared: least sigma of a bin, in pixels, so that a bin that never varies keeps a feature", gt=0
+    )
+    snapshot_angle_deg: float = _field(
+        20.0, "Declared: the angle of the two further snapshots of the earlier model (m = 3) to the first", gt=0, le=90
+    )
+
+    # --- Camera ---------------------------------------------------------------------------------------------------
+    image_size: int = _field(64, "Declared: pixels on a side, the simulator's Khepera camera", ge=8, le=512)
+    field_of_view_deg: float = _field(45.0, "Declared: the simulator's Khepera camera", ge=10, le=120)
+    camera_height_m: float = _field(0.035, "Declared: on top of the 30 mm body", gt=0, le=0.3)
+    camera_offset_m: float = _field(-0.010, "Declared: along the heading from the centre", ge=-0.03, le=0.03)
+    light: float = _field(1.0, "Declared: brightness; others than 1 test robustness", gt=0, le=2)
+
+    # --- Robot (Khepera II) and its three actions ---------------------------------------------------------------------
+    wheel_base_m: float = _field(0.053, "Declared: Khepera II", gt=0, le=0.07)
+    body_diameter_m: float = _field(0.070, "Section IV: 70 mm in diameter", "70 mm", gt=0, le=0.2)
+    forward_m: float = _field(0.060, "Declared: both wheels' way in one forward action", gt=0, le=0.2)
+    turn_deg: float = _field(30.0, "Declared: rotation of one left or right action", gt=0, le=90)
+    turn_advance_m: float = _field(0.060, "Declared: mean way of the wheels in one left or right action", ge=0, le=0.2)
+    infrared_range_m: float = _field(0.050, "Declared: Khepera II", gt=0, le=0.5)
+    clear_way_m: float = _field(
+        0.045, "Declared: the reactive turn ends when all four front infra-red rays see at least this far", ge=0
+    )
+    wheel_slip: float = _field(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
+
+    # --- Experiment ------------------------------------------------------------------------------------------------
+    room: str = _field("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    controller: Literal["sarsa", "random"] = _field(
+        "sarsa", "Fig. 2, or a uniformly random policy to measure it against", "sarsa"
+    )
+    images: Literal["camera", "atlas"] = _field("camera", "Declared: rendered at every step, or looked up on a lattice")
+    max_steps: int = _field(2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Settings":
+        if self.clear_way_m > self.infrared_range_m:
+            raise ValueError(
+                f"clear_way_m = {self.clear_way_m}: must not exceed infrared_range_m = {self.infrared_range_m}"
+            )
+        return self
+
+    @property
+    def first_episode(self) -> float:
+        """ep_0 of eq. (23)."""
+        return self.first_episode_share * self.episodes
+
+    @property
+    def n_features(self) -> int:
+        """n of eq. (14): 258 for b = 3, m = 1 (Fig. 2 says about 256)."""
+        return 3 * bins_per_channel(self.bin_size) * self.snapshots
+
+    @property
+    def wheel_commands_m(self) -> tuple[tuple[float, float], ...]:
+        """The way of the (left, right) wheel for Left_Forward, Right_Forward and Go_Forward (section III.D)."""
+        difference = radians(self.turn_deg) * self.wheel_base_m / 2
+        slow, fast = self.turn_advance_m - difference, self.turn_advance_m + difference
+        return (slow, fast), (fast, slow), (self.forward_m, self.forward_m)
+
+    def with_changes(self, **changes: Any) -> "Settings":
+        """A validated copy with some fields changed. Raises UserError for an unknown field or a value out of range."""
+        return parse_settings({**self.model_dump(), **changes})
+
+    @property
+    def digest(self) -> str:
+        """A short name of these settings: twelve hexadecimal digits of a hash over all fields."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:12]
+
+
+def parse_settings(values: dict[str, Any]) -> Settings:
+    """Settings from a mapping of names to values or texts. Raises UserError with one line a mistake."""
+    try:
+        return Settings(**values)
+    except ValidationError as error:
+        raise UserError("; ".join(_one_line(problem) for problem in error.errors())) from None
+
+
+def _one_line(problem: Any) -> str:
+    name = ".".join(str(part) for part in problem["loc"])
+    message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        return f"setting {name}: there is none of this name; `homing settings` lists them"
+    return f"setting {name} = {problem['input']!r}: {message}" if name else f"settings: {message}"

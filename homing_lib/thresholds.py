@@ -1,0 +1,35 @@
+"""Section III.H: when is a view similar enough to the snapshot to stop?"""
+
+from math import pi, sqrt
+from typing import NamedTuple
+
+
+class Thresholds(NamedTuple):
+    """Similarities (NRB, in [0, 1]) that end an episode (`upper`) and that mean "home at perspective" (`lower`)."""
+
+    upper: float
+    lower: float
+
+
+def linear(multiplier: float) -> float:
+    """First printed form: 1 - (m pi)^(-1/2), the lower end of the interval with the multiple of pi inside the root."""
+    return 1 - 1 / sqrt(_positive(multiplier) * pi)
+
+
+def square_root(multiplier: float) -> float:
+    """Second printed form, used by eq. (19): 1 - 1 / (pi sqrt(m)), which changes more finely with m."""
+    return 1 - 1 / (pi * sqrt(_positive(multiplier)))
+
+
+def stopping_thresholds(multiplier: float) -> Thresholds:
+    """Eq. (19): upper from `multiplier`, lower from `multiplier - 1`. The paper's 12 gives .9081 and .9040.
+
+    Table I prints the two in the opposite order; eq. (19) and section III.D fix which is which.
+    """
+    return Thresholds(upper=square_root(multiplier), lower=square_root(multiplier - 1))
+
+
+def _positive(multiplier: float) -> float:
+    if not multiplier > 0:
+        raise ValueError(f"multiplier = {multiplier}: must be greater than 0 (eq. 19)")
+    return multiplier
