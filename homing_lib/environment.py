@@ -1,14 +1,17 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
-from math import radians
+from contextlib import nullcontext
+from math import cos, isfinite, pi, radians, sin
 from typing import Any, Literal
+from weakref import WeakValueDictionary
 
+import cv2
 import gymnasium
 import numpy as np
 
-from homing_lib.arena import Arena
+from homing_lib.arena import Arena, Image
 from homing_lib.features import HomeModel, difference_variance, histogram, similarity
-from homing_lib.robot import Pose, Robot, World
+from homing_lib.robot import Pose, Robot, World, wrapped
 from homing_lib.rooms import ROOMS, Room
 from homing_lib.settings import Settings, UserError
 from homing_lib.thresholds import stopping_thresholds
@@ -16,31 +19,102 @@ from homing_lib.thresholds import stopping_thresholds
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
 """The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges a step."""
 
+Start = tuple[float, float, float] | Literal["uniform"]
+
 
 class HomingEnv(gymnasium.Env[Any, Any]):
     """A small robot, one snapshot of a home that it cannot see, and a way back that begins with a u-turn.
 
-    | | |
-    |---|---|
-    | Actions | `Discrete(3)`: 0 Left_Forward, 1 Right_Forward, 2 Go_Forward (section III.D), as exact arcs |
-    | Observation | `"image"`: the camera's RGB image, uint8 (size, size, 3); `"features"`: eq. (13), float64 (n,) |
-    | Reward | eq. (16) less the wall penalty, see `reward` |
-    | Terminated | the similarity NRB (eq. 15) reaches psi_upper (eq. 19) |
-    | Truncated | `max_steps` steps without it |
-    | At a wall | a step that an obstacle stops sets off a reflex: see `homing_lib.robot.Robot` |
+    ## Description
 
-    `info`, from `reset` and `step`:
+    A Khepera, 70 mm across, stands in a room of 1.15 m x 1 m with a colour camera that looks ahead. Home is a place in
+    front of a television; all that the robot has of it is one snapshot. It must come back to where the view resembles
+    that snapshot, from a start where nothing of the home is in sight. Numbers in brackets are equations of Altahhan
+    (2014); a name in `this type` is a field of `homing_lib.settings.Settings`, where its value and its source stand.
 
-    | key | |
-    |---|---|
-    | `similarity` | NRB of the view, in [0, 1] |
-    | `pose` | (x, y, heading) in metres and radians: for records, never for steering |
-    | `action` | the action that was driven, and is to be credited; differs from the command in a reflex |
-    | `reflex` | the action that the next step will drive whatever is commanded, or -1 |
-    | `at_wall` | stopped by an obstacle, or turning away from it, in this step |
+    ## Action space
 
-    Before the first episode the robot takes its snapshots at home and surveys the room by a random drive (`survey`);
-    `model` hands over an earlier survey. `reset(options={"start": (x, y, heading)})` overrides `start` once.
+    `Discrete(3)` (section III.D). Wheels roll without slip (but see `wheel_slip`), so that each action is an exact arc:
+
+    | action | name          | centre moves        | robot turns   |
+    |--------|---------------|---------------------|---------------|
+    | 0      | Left_Forward  | `turn_advance_m`    | + `turn_deg`  |
+    | 1      | Right_Forward | `turn_advance_m`    | - `turn_deg`  |
+    | 2      | Go_Forward    | `forward_m`         | 0             |
+
+    ## Observation space
+
+    | `observation`     | space                                 | what                                                 |
+    |-------------------|---------------------------------------|------------------------------------------------------|
+    | "image" (default) | `Box(0, 255, (size, size, 3), uint8)` | the camera's RGB image, size = `image_size`          |
+    | "features"        | `Box(0, 1, (n,), float64)`            | phi (8), (12), (13); n = 3 (round(256/b) + 1) m (14) |
+
+    The features compare the histograms h of the view, bin by bin, with those of the snapshot, v, both as shares of the
+    pixels (11); their mean is the similarity of the view to home:
+
+        phi_i = exp(-(h_i - v_i)^2 / (2 sigma_i^2))    (12)        NRB = sum of phi_i / n    (15)
+
+    Before the first episode the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
+    which it has sigma^2 (9): `homing_lib.environment.survey`, with `survey_seed`. That takes a moment, at the
+    first `reset`; environments of the same settings that live at the same time share it, and `model` hands one over.
+
+    ## Transition dynamics
+
+    The pose follows the action's arc to its end, or to where the body touches something. A step that is stopped
+    sets off the reactive behaviour (V.A): from the next step on, **whatever is commanded**, the robot turns in place by
+    `turn_deg` a step to one random side, until its four front infra-red sensors see at least `clear_way_m` free.
+    Such a turn counts as that side's action; `info` says which action was driven, and is to be credited.
+
+    ## Reward
+
+        r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
+
+    less `wall_penalty` in a step at a wall: stopped, or turning away (V.A). `step_cost` and `approach_reward`
+    change the first and drop the second part.
+
+    ## Starting state
+
+    `start`: any pose (x, y, heading) in metres and radians, anticlockwise from the x axis; "uniform", drawn anew for
+    each episode from all free poses; or by default the room's, where nothing of the home can be seen.
+    `reset(options={"start": ...})` overrides it for one episode. A start may resemble home: the first step is driven
+    all the same.
+
+    ## Episode end
+
+    | flag         | when                                                                        |
+    |--------------|-----------------------------------------------------------------------------|
+    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)); psi_lower: one less (19)  |
+    | `truncated`  | after `max_steps` steps without that                                        |
+
+    ## Info
+
+    | key          | type  | of `reset` and `step`                                                             |
+    |--------------|-------|-----------------------------------------------------------------------------------|
+    | `similarity` | float | NRB of the view                                                                   |
+    | `pose`       | Pose  | (x, y, heading), metres and radians: for records, never for steering              |
+    | `action`     | int   | the action driven, and to be credited; -1 after `reset`                           |
+    | `reflex`     | int   | the action that the next step will drive whatever is commanded; -1 without reflex |
+    | `at_wall`    | bool  | stopped by an obstacle in this step, or turning away from it                      |
+
+    ## Rendering
+
+    `render_mode="rgb_array"`: the room from above, uint8, 480 pixels wide, with home, the path so far and the robot.
+
+    ## Arguments
+
+    ```python
+    >>> import gymnasium, homing_lib
+    >>> env = gymnasium.make("homing/UTurn-v0", observation="features", start="uniform", survey_steps=100)
+    >>> phi, info = env.reset(seed=1)
+    >>> phi.shape, round(phi.mean(), 9) == round(info["similarity"], 9)
+    ((258,), True)
+    >>> env.close()
+
+    ```
+
+    `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
+    (histograms from a lattice of poses instead of the camera, thousands of times a second; features only).
+    `home`: another pose at which the snapshot is taken. `close()` frees the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
@@ -50,63 +124,133 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         settings: Settings | None = None,
         *,
         observation: Literal["image", "features"] = "image",
-        start: Pose | tuple[float, float, float] | Literal["uniform"] | None = None,
-        home: Pose | tuple[float, float, float] | None = None,
+        start: Start | None = None,
+        home: tuple[float, float, float] | None = None,
         model: HomeModel | None = None,
         survey_seed: int = 0,
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        """Build the world. Keyword arguments beyond those named are fields of `Settings`, e.g. `room="paper"`."""
+        """Build the world; see the class. Raises UserError, in one line, for what cannot be."""
         self.settings = settings = (settings or Settings()).with_changes(**changes)
         self.room = room_named(settings.room)
-        self.home = Pose(*(home or self.room.home))
-        self.render_mode = render_mode
-        self._start = self.room.start if start is None else start
-        self._observation = observation
-        self._arena = Arena(self.room, settings)
-        self.world: World = self._arena
-        self.model = model
-        self._survey_seed = survey_seed
-        self._thresholds = stopping_thresholds(settings.multiplier)
-        self._robot = Robot(self.world, settings, self.home)
-        self.action_space = gymnasium.spaces.Discrete(3)
         size, n = settings.image_size, settings.n_features
-        self.observation_space = (
-            gymnasium.spaces.Box(0, 255, (size, size, 3), np.uint8)
-            if observation == "image"
-            else gymnasium.spaces.Box(0.0, 1.0, (n,), np.float64)
-        )
+        spaces: dict[str, gymnasium.spaces.Box] = {
+            "image": gymnasium.spaces.Box(0, 255, (size, size, 3), np.uint8),
+            "features": gymnasium.spaces.Box(0.0, 1.0, (n,), np.float64),
+        }
+        if observation not in spaces:
+            raise UserError(f"observation = {observation!r}: must be one of {', '.join(spaces)}")
+        if observation == "image" and settings.images == "atlas":
+            raise UserError(
+                'observation = "image": an atlas holds histograms only; choose "features", or images="camera"'
+            )
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UserError(f"render_mode = {render_mode!r}: must be rgb_array or None")
+        if model is not None and model.n_features != n:
+            raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
+        self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
+        self.observation_space: gymnasium.Space[Any] = spaces[observation]
+        self.render_mode = render_mode
+        self.model = model
+        self._sees_images = observation == "image"
+        self._survey_seed = survey_seed
+        self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
+        self._top_view: Image | None = None
+        self._under_way = self._closed = False
+
+        self._arena: Arena | None = None
+        if settings.images == "atlas":
+            from homing_lib.atlas import open_atlas
+
+            self.world: World = open_atlas(self.room, settings)
+        else:
+            self.world = self._arena = Arena(self.room, settings)
+        try:
+            self.home = self._free("home", self.room.home if home is None else home)
+            self._start = self._start_pose(self.room.start if start is None else start)
+        except UserError:
+            self.close()
+            raise
+        self._robot = Robot(self.world, settings, self.home)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Put the robot at the start. Seeds as Gymnasium prescribes."""
+        """Put the robot at the start, drawn with the environment's generator if it is "uniform"."""
+        if self._closed:
+            raise self._unready()
         super().reset(seed=seed)
         if self.model is None:
-            self.model = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
-        start = (options or {}).get("start", self._start)
-        self._robot.place(self._free_pose() if start == "uniform" else self._checked(Pose(*start)))
+            self.model = self._shared_survey()
+        start = self._start_pose(options["start"]) if options and "start" in options else self._start
+        self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
+        self._path = [self._robot.pose[:2]]
         self._steps = 0
-        observation = self._look()
-        return observation, self._info(-1, False)
+        self._under_way = True
+        return self._look(), self._info(-1, False)
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Drive one action; see the class for what comes back."""
+        """Drive one action, or the reflex."""
+        if not self._under_way:
+            raise self._unready()
+        if action not in (0, 1, 2):
+            raise UserError(f"action = {action!r}: must be 0, 1 or 2")
         before = self._similarity
         self._steps += 1
-        driven, at_wall = self._robot.act(action, self.np_random)
+        driven, at_wall = self._robot.act(int(action), self.np_random)
         observation = self._look()
-        gain = reward(self._steps, self._similarity, before, self._thresholds.lower, at_wall, self.settings)
-        terminated = self._similarity >= self._thresholds.upper
+        gain = reward(self._steps, self._similarity, before, self._psi_lower, at_wall, self.settings)
+        terminated = self._similarity >= self._psi_upper
         truncated = not terminated and self._steps >= self.settings.max_steps
+        if self.render_mode is not None:
+            self._path.append(self._robot.pose[:2])
         return observation, gain, terminated, truncated, self._info(driven, at_wall)
 
+    def render(self) -> Image | None:
+        """The room from above with home (a square), the path so far and the robot; None without a render mode."""
+        if not self._under_way:
+            raise self._unready()
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
+            return None
+        if self._top_view is None:
+            with nullcontext(self._arena) if self._arena else Arena(self.room, self.settings) as arena:
+                self._top_view = arena.top_view()
+        frame = self._top_view.copy()
+        scale, depth = frame.shape[1] / self.room.size[0], self.room.size[1]
+
+        def pixel(x: float, y: float) -> tuple[int, int]:
+            return round(x * scale), round((depth - y) * scale)
+
+        def ahead(pose: Pose, metres: float) -> tuple[int, int]:
+            return pixel(pose.x + metres * cos(pose.heading), pose.y + metres * sin(pose.heading))
+
+        radius, pose = self.settings.body_diameter_m / 2, self._robot.pose
+        corners = [
+            ahead(self.home._replace(heading=self.home.heading + turn * pi / 4), 1.4 * radius) for turn in (1, 3, 5, 7)
+        ]
+        cv2.polylines(frame, [np.array(corners)], True, _WHITE, 2, cv2.LINE_AA)
+        cv2.line(frame, pixel(*self.home[:2]), ahead(self.home, radius), _WHITE, 2, cv2.LINE_AA)
+        cv2.polylines(frame, [np.array([pixel(*at) for at in self._path])], False, _YELLOW, 2, cv2.LINE_AA)
+        cv2.circle(frame, pixel(*pose[:2]), round(radius * scale), _YELLOW, -1, cv2.LINE_AA)
+        cv2.line(frame, pixel(*pose[:2]), ahead(pose, radius), _BLACK, 2, cv2.LINE_AA)
+        return frame
+
     def close(self) -> None:
-        """Free Bullet's client."""
-        self._arena.close()
+        """Free the simulator. Closing twice is harmless; anything else afterwards is refused."""
+        if self._arena is not None:
+            self._arena.close()
+        self._closed, self._under_way = True, False
+
+    def _unready(self) -> Exception:
+        if self._closed:
+            return gymnasium.error.ClosedEnvironmentError("this environment is closed; make another")
+        return gymnasium.error.ResetNeeded("the first episode begins with reset()")
 
     def _look(self) -> Any:
+        """See from where the robot is: the observation, and `_similarity` with it."""
         assert self.model is not None
-        if self._observation == "image":
+        if self._sees_images:
+            assert self._arena is not None
             image = self._arena.image(self._robot.pose)
             self._similarity = similarity(self.model.features(histogram(image, self.settings.bin_size)))
             return np.ascontiguousarray(image[:, :, :3])
@@ -115,22 +259,45 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return features
 
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
-        reflex = self._robot.reflex
+        robot = self._robot
         return {
             "similarity": self._similarity,
-            "pose": self._robot.pose,
+            "pose": robot.pose,
             "action": driven,
-            "reflex": -1 if reflex is None else reflex,
+            "reflex": -1 if robot.reflex is None else robot.reflex,
             "at_wall": at_wall,
         }
 
-    def _free_pose(self) -> Pose:
-        return free_pose(self.world, self.room, self.np_random)
+    def _shared_survey(self) -> HomeModel:
+        key = self.settings, self.home, self._survey_seed
+        model = _SURVEYS.get(key)
+        if model is None:
+            model = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
+            _SURVEYS[key] = model
+        return model
 
-    def _checked(self, pose: Pose) -> Pose:
-        if self.world.clearance(pose.x, pose.y) < 0:
-            raise UserError(f"start {tuple(pose)}: the robot does not fit there; choose a pose in free space")
-        return pose
+    def _start_pose(self, start: Any) -> Pose | Literal["uniform"]:
+        return "uniform" if isinstance(start, str) and start == "uniform" else self._free("start", start)
+
+    def _free(self, what: str, pose: Any) -> Pose:
+        try:
+            x, y, heading = (float(value) for value in pose)
+        except (TypeError, ValueError):
+            raise UserError(f"{what} = {pose!r}: must be a pose (x, y, heading) in metres and radians") from None
+        width, depth = self.room.size
+        inside = 0 <= x <= width and 0 <= y <= depth and isfinite(heading)
+        if not inside or self.world.clearance(x, y) < 0:
+            raise UserError(
+                f"{what} = ({x:g}, {y:g}, {heading:g}): the robot does not fit there; choose a pose in free space of "
+                f"room {self.room.name!r}, {width:g} m x {depth:g} m"
+            )
+        return Pose(x, y, wrapped(heading))
+
+
+_WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
+
+_SURVEYS: WeakValueDictionary[tuple[Settings, Pose, int], HomeModel] = WeakValueDictionary()
+"""What living environments know of home. A survey depends on nothing but its key."""
 
 
 def reward(
