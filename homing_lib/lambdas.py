@@ -11,7 +11,8 @@ A lambda *rule* is any callable
 
 so a plain function is a rule too. At the first step of an episode there is no previous step: lambda is 0 by
 definition and the rule is not asked. `Fixed` and `Conjugate` are the rules of the paper, `parse` makes them from
-their short names, and the three functions below are eq. (7) itself, unclipped and unguarded.
+their short names. The three functions below are eq. (7) itself, its products multiplied out, unclipped and unguarded:
+a denominator of zero raises ZeroDivisionError.
 """
 
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -123,6 +124,8 @@ class Conjugate:
     def __call__(
         self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
     ) -> float:
+        # Plain floats, for numpy's would warn of what is caught below.
+        delta, delta_prev, discount = float(delta), float(delta_prev), float(discount)
         try:
             if self.form == "hestenes-stiefel":
                 ratio = hestenes_stiefel(delta, phi, delta_prev, phi_prev, trace_prev, discount)

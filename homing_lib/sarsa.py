@@ -65,10 +65,13 @@ class LinearSarsa(Learner):
             initial_weight=initial_weight,
         )
 
-    def values(self, phi: ArrayLike | None) -> Array:
+    def values(self, phi: ArrayLike) -> Array:
         """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
-        x = features("phi", phi, self.weights.shape[1])
-        return np.array([linear("phi", theta_a, x) for theta_a in self.weights])
+        return self._values("phi", phi)
+
+    def _values(self, name: str, phi: ArrayLike | None) -> Array:
+        x = features(name, phi, self.weights.shape[1])
+        return np.array([linear(name, theta_a, x) for theta_a in self.weights])
 
     def begin_episode(self) -> None:
         super().begin_episode()
@@ -162,6 +165,6 @@ class LinearQ(LinearSarsa):
 
     def _q_next(self, phi_next: ArrayLike | None, next_action: int | None) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = self.values(phi_next)
+        values = self._values("phi_next", phi_next)
         self._cut = bool(values[self._action("next_action", next_action)] < values.max())
         return float(values.max())

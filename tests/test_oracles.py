@@ -1,0 +1,262 @@
+"""Checks against what was not written here: the literature, the definitions, and another implementation."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import swifttd
+
+from homing_lib.lambdas import Conjugate, Fixed
+from homing_lib.sarsa import LinearSarsa
+from homing_lib.td import ConjugateTD, LinearTD, TrueOnlineTD
+from tests.classics import BoyanChain, Walk, learn
+
+FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
+
+# 19-state random walk, root mean square error over the states, mean of the first 10 episodes and of 200 runs:
+# Sutton & Barto (2018), figs 12.6 and 12.8, measured with their public code. The step sizes are the best of a grid.
+#   lambda: (TD(lambda): step size, error), (true online: step size, error), tolerance for 200 runs
+WALK = {
+    0: ((0.8, 0.3452), (0.8, 0.3452), 0.006),
+    0.4: ((0.6, 0.2803), (0.8, 0.2788), 0.015),
+    0.8: ((0.27, 0.2682), (0.4, 0.2573), 0.015),
+    0.9: ((0.2, 0.2982), (0.2, 0.2794), 0.02),
+    0.95: ((0.12, 0.3348), (0.2, 0.3138), 0.02),
+    1: ((0.016, 0.4953), (0.03, 0.4890), 0.02),
+}
+
+
+def walks(runs):
+    rng = np.random.default_rng(2014)
+    return [[Walk.episode(rng) for _ in range(10)] for _ in range(runs)]
+
+
+def walk_errors(cls, lambda_, step_size, runs):
+    """Error of each run, shape (runs,)."""
+    errors = []
+    for episodes in runs:
+        learner = cls(19, step_size=step_size, discount=1.0, lambda_rule=Fixed(lambda_))
+        after = [np.sqrt(np.mean((learner.weights - Walk.values) ** 2)) for _ in learn(learner, Walk, episodes)]
+        errors.append(np.mean(after))
+    return np.array(errors)
+
+
+@pytest.mark.slow
+def test_the_random_walk_gives_the_errors_of_the_literature_and_lambda_of_point_8_the_least():
+    runs = walks(200)
+    for column, cls in enumerate((LinearTD, TrueOnlineTD)):
+        found = {}
+        for lambda_, (*published, tolerance) in WALK.items():
+            step_size, error = published[column]
+            found[lambda_] = walk_errors(cls, lambda_, step_size, runs).mean()
+            assert found[lambda_] == pytest.approx(error, abs=tolerance), (cls.__name__, lambda_)
+        assert min(found, key=found.get) == 0.8
+
+
+def test_twenty_runs_of_the_random_walk_agree_with_the_literature_within_four_standard_errors():
+    # Two means, of 20 and of 200 runs with this spread, differ by more than that once in 16,000 times.
+    runs = walks(20)
+    for column, cls in enumerate((LinearTD, TrueOnlineTD)):
+        means = {}
+        for lambda_ in (0, 0.8, 1):
+            step_size, error = WALK[lambda_][column]
+            errors = walk_errors(cls, lambda_, step_size, runs)
+            standard_error = errors.std(ddof=1) * np.sqrt(1 / 20 + 1 / 200)
+            assert errors.mean() == pytest.approx(error, abs=4 * standard_error), (cls.__name__, lambda_)
+            assert standard_error < 0.02
+            means[lambda_] = errors.mean()
+        assert means[0.8] < means[0] < means[1]
+
+
+def test_the_fixed_point_of_the_boyan_chain_is_a_straight_line_from_minus_24_to_0():
+    np.testing.assert_array_equal(BoyanChain.features @ BoyanChain.fixed_point, BoyanChain.values)
+    rng = np.random.default_rng(7)
+    episodes = [BoyanChain.episode(rng) for _ in range(1500)]
+    for cls, lambda_ in ((LinearTD, 0), (LinearTD, 0.8), (TrueOnlineTD, 0.8)):
+        learner = cls(4, step_size=0.1, discount=1.0, lambda_rule=Fixed(lambda_))
+        for k, _ in enumerate(learn(learner, BoyanChain, episodes), start=1):
+            learner.step_size = 0.1 * 50 / (50 + k)
+        np.testing.assert_allclose(learner.weights, BoyanChain.fixed_point, atol=0.25)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_unclipped_td_conj_moves_along_the_conjugate_direction(form):
+    # delta_t e_t against p_t = g_t + beta_t p_{t-1}, g = delta phi, beta as in a textbook on optimisation.
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        phi, reward = rng.standard_normal((11, 6)), rng.standard_normal(10)
+        learner = LinearTD(6, step_size=1e-3, discount=0.9, lambda_rule=Conjugate(form, clip=False))
+        g_prev = p = None
+        for t in range(10):
+            delta = learner.update(phi[t], reward[t], phi[t + 1])
+            g = delta * phi[t]
+            if t == 0:
+                p = g
+            else:
+                y = g - g_prev
+                beta = {
+                    "hestenes-stiefel": -(g @ y) / (p @ y),
+                    "fletcher-reeves": (g @ g) / (g_prev @ g_prev),
+                    "polak-ribiere": (g @ y) / (g_prev @ g_prev),
+                }[form]
+                p = g + beta * p
+            assert np.linalg.norm(delta * learner.trace - p) <= 1e-12 * np.linalg.norm(p)
+            g_prev = g
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_unclipped_td_conj_and_conjugate_gradient_learn_the_same_weights(form):
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        phi, reward = rng.standard_normal((11, 6)), rng.standard_normal(10)
+        setting = {"step_size": 1e-3, "discount": 0.9, "lambda_rule": Conjugate(form, clip=False)}
+        by_trace, by_gradient = LinearTD(6, **setting), ConjugateTD(6, **setting)
+        for t in range(10):
+            delta = by_trace.update(phi[t], reward[t], phi[t + 1])
+            by_gradient.update(phi[t], reward[t], phi[t + 1])
+            np.testing.assert_allclose(by_trace.weights, by_gradient.weights, rtol=1e-9, atol=1e-13)
+            np.testing.assert_allclose(delta * by_trace.trace, by_gradient.direction, rtol=1e-7, atol=1e-12)
+
+
+def test_on_a_quadratic_with_exact_line_search_the_three_forms_coincide_with_the_minus_and_only_so():
+    # E3. Descent direction g = b - A x, split into delta * phi with a delta that changes from step to step, so that
+    # the trace e = p / delta; then lambda of eq. (7) has to make p = delta (gamma lambda e_{t-1} + phi) conjugate.
+    n, discount = 6, 0.9
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        root = rng.standard_normal((n, n))
+        a, b = root @ root.T + np.eye(n), rng.standard_normal(n)
+        for form in FORMS:
+            x, step_before = np.zeros(n), None
+            for _ in range(n):
+                g, delta = b - a @ x, rng.uniform(0.5, 2) * rng.choice((-1, 1))
+                phi, trace = g / delta, g / delta
+                if step_before:
+                    step = {"delta": delta, "phi": phi, **step_before, "discount": discount}
+                    rules = {f: Conjugate(f, clip=False)(**step) for f in FORMS}
+                    printed = Conjugate("hestenes-stiefel", sign="printed", clip=False)(**step)
+                    assert [*rules.values(), -printed] == pytest.approx([rules[form]] * 4, rel=1e-6)
+                    trace = discount * rules[form] * step_before["trace_prev"] + phi
+                p = delta * trace
+                x = x + (g @ p) / (p @ a @ p) * p
+                step_before = {"delta_prev": delta, "phi_prev": phi, "trace_prev": trace}
+            # Conjugate directions reach the minimum in n steps.
+            assert np.linalg.norm(b - a @ x) < 1e-6 * np.linalg.norm(b)
+
+
+def test_on_orthogonal_unit_features_without_revisits_form_2_is_form_3_is_minus_printed_form_1():
+    rng = np.random.default_rng(9)
+    reward, features = rng.standard_normal(12), np.eye(13)
+    rules = [
+        Conjugate("fletcher-reeves", clip=False),
+        Conjugate("polak-ribiere", clip=False),
+        Conjugate("hestenes-stiefel", sign="printed", clip=False),
+    ]
+    lambdas = np.empty((3, 12))
+    for rule, row in zip(rules, lambdas, strict=True):
+        learner = LinearTD(13, step_size=0.1, discount=0.8, lambda_rule=rule)
+        for t in range(12):
+            learner.update(features[t], reward[t], features[t + 1])
+            row[t] = learner.lambda_
+    assert np.abs(lambdas[0, 1:]).min() > 0.01
+    np.testing.assert_allclose(lambdas[1], lambdas[0], rtol=1e-12)
+    np.testing.assert_allclose(lambdas[2], -lambdas[0], rtol=1e-12)
+
+
+def episode_with_varying_lambda(seed, n=4, steps=12):
+    """Features x_0..x_T, rewards r_1..r_T, and lambdas l_0..l_T, of which l_0 is never used."""
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((steps + 1, n)), rng.standard_normal(steps), rng.random(steps + 1)
+
+
+def lambda_return(t, horizon, reward, lambdas, discount, value):
+    """G_t^lambda cut off at the horizon, from its definition: a mean of the n-step returns, in which that of n steps
+    has weight lambda_{t+1} ... lambda_{t+n-1} (1 - lambda_{t+n}) and the last what is left. value(k) is V(s_k)."""
+    total, left = 0.0, 1.0
+    for n in range(1, horizon - t + 1):
+        n_step = sum(discount**k * reward[t + k] for k in range(n)) + discount**n * value(t + n)
+        weight = left if t + n == horizon else left * (1 - lambdas[t + n])
+        total += weight * n_step
+        left -= weight
+    return total
+
+
+class Follow:
+    """A rule that reads its lambdas from a list."""
+
+    def __init__(self, lambdas):
+        self.rest = iter(lambdas[1:])
+
+    def __call__(self, **_):
+        return next(self.rest)
+
+
+@pytest.mark.parametrize("discount", [1.0, 0.8])
+def test_with_frozen_weights_the_backward_view_equals_the_forward_view_of_a_varying_lambda(discount):
+    for seed in range(5):
+        x, reward, lambdas = episode_with_varying_lambda(seed)
+        steps, theta, alpha = len(reward), np.random.default_rng(seed + 100).standard_normal(4), 0.1
+        learner = LinearTD(4, step_size=alpha, discount=discount, lambda_rule=Follow(lambdas))
+        backward = np.zeros(4)
+        for t in range(steps):
+            learner.weights[:] = theta
+            learner.update(x[t], reward[t], x[t + 1], terminal=t == steps - 1)
+            backward += learner.weights - theta
+
+        def value(k, x=x, theta=theta, steps=steps):
+            return 0.0 if k == steps else x[k] @ theta
+
+        forward = sum(
+            alpha * (lambda_return(t, steps, reward, lambdas, discount, value) - value(t)) * x[t] for t in range(steps)
+        )
+        np.testing.assert_allclose(backward, forward, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("discount", [1.0, 0.8])
+def test_true_online_td_equals_the_online_forward_view_after_every_step(discount):
+    # van Seijen et al. (2016): at each new horizon, redo all updates with the returns that it allows.
+    for seed in range(5):
+        x, reward, lambdas = episode_with_varying_lambda(seed)
+        steps, alpha = len(reward), 0.1
+        learner = TrueOnlineTD(4, step_size=alpha, discount=discount, lambda_rule=Follow(lambdas), initial_weight=0.5)
+        online = [learner.weights.copy()]  # theta_t as known at time t
+
+        def value(k, x=x, online=online, steps=steps):
+            return 0.0 if k == steps else x[k] @ online[k - 1]
+
+        for horizon in range(1, steps + 1):
+            learner.update(x[horizon - 1], reward[horizon - 1], x[horizon], terminal=horizon == steps)
+            theta = online[0].copy()
+            for t in range(horizon):
+                target = lambda_return(t, horizon, reward, lambdas, discount, value)
+                theta += alpha * (target - x[t] @ theta) * x[t]
+            online.append(theta)
+            np.testing.assert_allclose(learner.weights, theta, rtol=0, atol=1e-10)
+
+
+def test_true_online_td_of_lambda_zero_is_td_of_lambda_zero():
+    x, reward, _ = episode_with_varying_lambda(3, steps=200)
+    both = [cls(4, step_size=0.05, discount=0.9, lambda_rule=Fixed(0)) for cls in (LinearTD, TrueOnlineTD)]
+    for t in range(200):
+        for learner in both:
+            learner.update(x[t], reward[t], x[t + 1])
+        np.testing.assert_allclose(both[0].weights, both[1].weights, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("lambda_", [0, 0.5, 0.9, 1])
+def test_true_online_td_and_sarsa_agree_with_another_implementation_over_200_steps(lambda_):
+    n, alpha, discount = 20, 0.01, 0.95
+    rng = np.random.default_rng(42)
+    x, reward = rng.random((201, n), np.float32), rng.standard_normal(200, np.float32)
+    # Tuning off: no bound on the step (1e6), no decay, a step size that does not adapt.
+    other = swifttd.SwiftTDNonSparse(n, lambda_, alpha, discount, 1e-12, 1e6, 1.0, 0.0, 1e-12)
+    setting = {"step_size": alpha, "discount": discount, "lambda_rule": Fixed(lambda_)}
+    td, sarsa = TrueOnlineTD(n, **setting), LinearSarsa(n, 1, **setting, traces="dutch")
+    other.step(x[0], 0.0)
+    for (x_t, x_next), r in zip(pairwise(x), reward, strict=True):
+        # It is given a reward together with the state after it, and returns that state's value before learning.
+        expected = other.step(x_next, r)
+        assert td.value(x_next) == pytest.approx(expected, abs=1e-5)
+        assert sarsa.values(x_next) == pytest.approx([expected], abs=1e-5)
+        td.update(x_t, r, x_next)
+        sarsa.update(x_t, 0, r, x_next, 0)
