@@ -5,13 +5,8 @@ whole or not there, whenever and by however many processes a sweep is stopped an
 """
 
 import hashlib
-import io
-import json
-import os
 import platform
 import signal
-import zipfile
-import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -24,6 +19,7 @@ from tqdm import tqdm
 
 from homing_lib.agent import Run, run
 from homing_lib.settings import Settings, UserError, parse_settings
+from homing_lib.storage import DamagedFile, read_arrays, write_arrays
 
 DATA = Path(__file__).parent.parent / "data"
 
@@ -31,6 +27,7 @@ TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
 exponentials and dot products differ there in the last bits, and learning carries the difference on."""
 
+_REMEDY = "delete it, and `make data` computes it anew"
 _ARRAYS = ("steps", "lengths", "reached")
 _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
@@ -75,24 +72,20 @@ def save(result: Run, path: Path) -> None:
         "diverged": result.diverged,
         "made by": made_by,
     }
-    buffer = io.BytesIO()
-    arrays = {name: getattr(result, name) for name in _ARRAYS}
-    np.savez_compressed(buffer, about=np.array(json.dumps(about)), **arrays)
-    _write(path, buffer.getvalue())
+    write_arrays(path, about, **{name: getattr(result, name) for name in _ARRAYS})
 
 
 def load(path: Path) -> Run:
     """Read a run. Raises UserError with one line if the file is missing or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            about = json.loads(str(archive["about"]))
-            arrays = {name: archive[name] for name in _ARRAYS}
+        about, arrays = read_arrays(path)
         return Run(parse_settings(about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
     except FileNotFoundError:
         raise UserError(f"{path}: there is no such run; `make data` computes it") from None
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, UserError) as error:
-        detail = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise UserError(f"{path}: damaged run file ({detail}); delete it and `make data` computes it anew") from None
+    except (KeyError, TypeError) as error:
+        raise DamagedFile(f"{path}: damaged file (no {error}); {_REMEDY}") from None
+    except UserError as error:
+        raise DamagedFile(f"{error}; {_REMEDY}") from None
 
 
 def load_study(study: Study, folder: Path | None = None) -> dict[Settings, list[Run]]:
@@ -172,12 +165,3 @@ def verify(study: Study = HEADLINE, folder: Path | None = None) -> str:
     if outcome == "within tolerance":
         return f"This machine reproduces the stored run within {TOLERANCE:g}, though not to the bit ({what})."
     return f"This machine does NOT reproduce the stored run ({what}): its own results come from `make data FORCE=1`."
-
-
-def _write(path: Path, content: bytes) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

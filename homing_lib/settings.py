@@ -72,7 +72,7 @@ class Settings(BaseModel):
         "Eq. (22), declared: softmax and epsilon-greedy weigh alike; `literal` is as printed",
         "literal",
     )
-    tau0: float = _field(0.05, "Eq. (20), declared: initial temperature, no value printed; falls like epsilon", gt=0)
+    tau0: float = _field(0.03, "Eq. (20), declared: initial temperature, no value printed; falls like epsilon", gt=0)
 
     # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
     step_cost: Literal["1/t", "constant"] = _field(
@@ -85,8 +85,8 @@ class Settings(BaseModel):
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _field(
         "pooled",
-        "Eq. (8) one sigma^2 a bin, eq. (12) one for all. Declared: per bin, since the published thresholds select "
-        "home only so",
+        "Eq. (12): one sigma^2 for all bins; eq. (8) prints one a bin, with which the published thresholds leave a home "
+        "too small for the robot's steps",
         "both",
     )
     centre: Centre = _field("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
@@ -125,6 +125,8 @@ class Settings(BaseModel):
         "sarsa", "Fig. 2, or a uniformly random policy to measure it against", "sarsa"
     )
     images: Literal["camera", "atlas"] = _field("camera", "Declared: rendered at every step, or looked up on a lattice")
+    atlas_spacing_m: float = _field(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
+    atlas_heading_deg: int = _field(10, "Declared: between neighbouring headings of the atlas, a divisor of 360", ge=1)
     max_steps: int = _field(2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1)
 
     @model_validator(mode="after")
@@ -133,6 +135,8 @@ class Settings(BaseModel):
             raise ValueError(
                 f"clear_way_m = {self.clear_way_m}: must not exceed infrared_range_m = {self.infrared_range_m}"
             )
+        if 360 % self.atlas_heading_deg:
+            raise ValueError(f"atlas_heading_deg = {self.atlas_heading_deg}: must divide 360")
         return self
 
     @property
