@@ -4,7 +4,7 @@ An image becomes three histograms; their bins, compared with those of the snapsh
 features in (0, 1]; the mean of the features is the similarity NRB.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import cv2
@@ -65,13 +65,18 @@ class HomeModel:
 
     snapshots: Array
     variance: Array
+    _snapshots: Array = field(init=False, repr=False, compare=False)
+    _exponent: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.snapshots.ndim != 2 or self.snapshots.shape != self.variance.shape:
             raise ValueError(
                 f"snapshots {self.snapshots.shape} and variance {self.variance.shape}: both must be (m, 3 B)"
             )
-        object.__setattr__(self, "_exponent", -0.5 / self.variance)
+        # For one snapshot, vectors: no broadcasting at every step.
+        one = len(self.snapshots) == 1
+        object.__setattr__(self, "_snapshots", self.snapshots[0] if one else self.snapshots)
+        object.__setattr__(self, "_exponent", -0.5 / (self.variance[0] if one else self.variance))
 
     @property
     def n_features(self) -> int:
@@ -84,12 +89,12 @@ class HomeModel:
         Histograms and sigma^2 are both scaled, so that H^2 of eq. (12) does not appear: with it they would be
         normalised twice and every feature would be about 1.
         """
-        difference = scaled_histogram - self.snapshots
+        difference = scaled_histogram - self._snapshots
         difference *= difference
-        difference *= self._exponent  # type: ignore[attr-defined]
+        difference *= self._exponent
         return np.exp(difference, out=difference).ravel()
 
 
 def similarity(features: Array) -> float:
     """Eq. (15), NRB: the mean of the features. 1 exactly where the view has the snapshot's histograms."""
-    return float(features.sum()) / features.size
+    return float(np.add.reduce(features)) / features.size

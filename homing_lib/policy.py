@@ -4,6 +4,7 @@ All functions take and return plain sequences with one float an action: with thr
 arrays, and as easy to read.
 """
 
+import sys
 from collections.abc import Sequence
 from math import exp
 from typing import Literal
@@ -11,6 +12,8 @@ from typing import Literal
 import numpy as np
 
 Mixture = Literal["normalised", "literal", "epsilon-greedy"]
+
+_LARGEST = sys.float_info.max
 
 
 def scaled(values: Sequence[float], *, literal: bool = False) -> list[float]:
@@ -20,7 +23,7 @@ def scaled(values: Sequence[float], *, literal: bool = False) -> list[float]:
     negative. Otherwise it is the sum of the magnitudes: the same number wherever all values are positive, and the
     order of the values everywhere. A divisor of zero gives zeros: no preference.
     """
-    divisor = sum(values) if literal else sum(abs(value) for value in values)
+    divisor = sum(values) if literal else sum(map(abs, values))
     return [value / divisor for value in values] if divisor else [0.0] * len(values)
 
 
@@ -55,7 +58,7 @@ def action_probabilities(
     if mixture == "normalised":
         soft = softmax(scaled(values), temperature)
         return [(s + g) / 2 for s, g in zip(soft, greedy, strict=True)]
-    preferences = [value / temperature for value in scaled(values, literal=True)]
+    preferences = [min(max(value / temperature, -_LARGEST), _LARGEST) for value in scaled(values, literal=True)]
     top = max(0.0, *preferences)  # a common factor of numerator and denominator, taken out against overflow
     terms = [exp(p - top) + g * exp(-top) for p, g in zip(preferences, greedy, strict=True)]
     total = sum(terms)

@@ -98,7 +98,8 @@ class Robot:
 
     def __init__(self, world: World, settings: Settings, pose: Pose) -> None:
         self._world = world
-        self._settings = settings
+        self._wheel_base, self._slip = settings.wheel_base_m, settings.wheel_slip
+        self._clear_way = settings.clear_way_m
         self._commands = settings.wheel_commands_m
         self._half_turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
         self.place(pose)
@@ -117,10 +118,9 @@ class Robot:
             action = reflex
             right = self._half_turn if reflex == LEFT_FORWARD else -self._half_turn
             left = -right
-        s = self._settings
-        if s.wheel_slip:
-            left, right = (way * (1 + s.wheel_slip * rng.standard_normal()) for way in (left, right))
-        self.pose, stopped = drive(self.pose, left, right, s.wheel_base_m, self._world.clearance)
+        if self._slip:
+            left, right = (way * (1 + self._slip * rng.standard_normal()) for way in (left, right))
+        self.pose, stopped = drive(self.pose, left, right, self._wheel_base, self._world.clearance)
         if stopped:
             self.reflex = LEFT_FORWARD if rng.random() < 0.5 else RIGHT_FORWARD
         elif reflex is not None and self._way_is_clear():
@@ -128,4 +128,4 @@ class Robot:
         return action, stopped or reflex is not None
 
     def _way_is_clear(self) -> bool:
-        return bool(self._world.infrared(self.pose)[FRONT_SENSORS].min() >= self._settings.clear_way_m)
+        return bool(self._world.infrared(self.pose)[FRONT_SENSORS].min() >= self._clear_way)
