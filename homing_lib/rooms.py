@@ -1,6 +1,7 @@
 """Rooms as data: what stands where, and how it looks. `arena.py` builds them, nothing else knows them by name."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from math import pi
 
 from homing_lib.robot import Pose
 
@@ -86,16 +87,14 @@ class Room:
     pictures: tuple[Picture, ...] = ()
     home_objects: tuple[str, ...] = ()
     wall_height: float = 0.75
-    texture_seed: int = field(default=2014)
+    texture_seed: int = 2014
 
-
-FACING_AWAY = 3.141592653589793
 
 PAPER = Room(
     name="paper",
     size=(1.15, 1.00),
     home=Pose(0.85, 0.50, 0.0),
-    start=Pose(0.25, 0.50, FACING_AWAY),
+    start=Pose(0.25, 0.50, pi),
     floor=Texture((0.45, 0.40, 0.35), contrast=0.25, grain=0.20, patches=6),
     walls={
         "east": Texture((0.80, 0.75, 0.60), contrast=0.28),
@@ -126,4 +125,42 @@ PAPER = Room(
     home_objects=("television", "cone", "ball"),
 )
 
-ROOMS = {room.name: room for room in (PAPER,)}
+DIVIDED = replace(
+    PAPER,
+    name="divided",
+    objects=(
+        *PAPER.objects,
+        Box("partition", x=0.55, y=0.31, size=(0.04, 0.62, 0.30), texture=Texture((0.50, 0.35, 0.60))),
+    ),
+)
+"""The paper's room with a wall across it, open for 38 cm in the north: the u-turn must go round."""
+
+ATTIC = Room(
+    name="attic",
+    size=(0.90, 1.40),
+    home=Pose(0.45, 1.08, pi / 2),
+    start=Pose(0.45, 0.48, -pi / 2),
+    floor=Texture((0.30, 0.38, 0.42), contrast=0.25, grain=0.20, patches=8),
+    walls={
+        "east": Texture((0.55, 0.35, 0.65), contrast=0.35),
+        "north": Texture((0.70, 0.72, 0.78), contrast=0.28),
+        "west": Texture((0.72, 0.60, 0.28), contrast=0.35),
+        "south": Texture((0.22, 0.50, 0.48), contrast=0.35),
+    },
+    objects=(
+        Box("crate", x=0.45, y=1.36, size=(0.34, 0.08, 0.22), texture=Texture((0.72, 0.50, 0.30), contrast=0.40)),
+        Cone("lamp", x=0.36, y=1.27, radius=0.035, height=0.12, texture=Texture((0.90, 0.85, 0.45))),
+        Ball("globe", x=0.54, y=1.27, radius=0.035, texture=Texture((0.20, 0.60, 0.55))),
+    ),
+    pictures=(
+        Picture("east", 0.35, 0.20, (0.22, 0.22), Texture((0.85, 0.40, 0.25), contrast=0.50, patches=3)),
+        Picture("east", 1.00, 0.22, (0.30, 0.20), Texture((0.30, 0.60, 0.85), contrast=0.50, patches=3)),
+        Picture("west", 0.50, 0.20, (0.26, 0.22), Texture((0.25, 0.30, 0.55), contrast=0.50, patches=3)),
+        Picture("south", 0.45, 0.22, (0.24, 0.20), Texture((0.80, 0.75, 0.40), contrast=0.50, patches=3)),
+    ),
+    home_objects=("crate", "lamp", "globe"),
+    texture_seed=7,
+)
+"""A longer and narrower room with other surfaces and another home."""
+
+ROOMS = {room.name: room for room in (PAPER, DIVIDED, ATTIC)}
