@@ -28,7 +28,9 @@ def histogram(image: NDArray[np.uint8], bin_size: int) -> Array:
     sum to 1. (The paper sums to H over n features; H is the number of pixels of one channel.)
     """
     bins = bins_per_channel(bin_size)
-    counts = [cv2.calcHist([image], [channel], None, [bins], [0, bins * bin_size]).ravel() for channel in range(3)]
+    # Bounds between intensities: on one, as at 49 of b = 49, rounding would decide.
+    bounds = [-0.5, bins * bin_size - 0.5]
+    counts = [cv2.calcHist([image], [channel], None, [bins], bounds).ravel() for channel in range(3)]
     return np.concatenate(counts).astype(np.float64) / (image.shape[0] * image.shape[1])
 
 

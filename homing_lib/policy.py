@@ -47,8 +47,9 @@ def action_probabilities(
 ) -> list[float]:
     """Eq. (22): the probability of every action.
 
-    - `literal`: as printed, exp(Scaled/tau) plus the epsilon-greedy share, divided by the sum of both. At tau = 1 the
-      best of three actions then gets at most about 46 %, and at tau <= .03 epsilon has no effect.
+    - `literal`: as printed, exp(Scaled/tau) plus the epsilon-greedy share, divided by the sum of both. While the three
+      values are about alike (theta_0 = 1) the best gets at most about 46 % at tau = 1, even without exploration; at
+      tau <= .03 epsilon has no effect.
     - `normalised`: the softmax is made a distribution first, so that the two components weigh the same.
     - `epsilon-greedy`: eq. (21) alone.
     """

@@ -1,0 +1,169 @@
+from math import exp
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from homing_lib.policy import Mixture, action_probabilities, decrease_rate, epsilon_greedy, sample, scaled, softmax
+
+MIXTURES = get_args(Mixture)
+
+values = st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)
+positive = st.lists(st.floats(1e-3, 1e3), min_size=3, max_size=3)
+epsilons = st.floats(0, 1)
+temperatures = st.floats(1e-3, 1e3)
+
+
+# Probabilities
+
+
+@pytest.mark.parametrize("mixture", MIXTURES)
+@given(values=values, epsilon=epsilons, temperature=st.floats(min_value=0, exclude_min=True, max_value=1e300))
+def test_probabilities_are_probabilities_for_any_finite_values(mixture, values, epsilon, temperature):
+    p = action_probabilities(values, epsilon=epsilon, temperature=temperature, mixture=mixture)
+    assert len(p) == 3
+    assert all(0 <= x <= 1 for x in p)
+    assert sum(p) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("mixture", MIXTURES)
+@pytest.mark.parametrize("big", [1.7e308, -1.7e308, 5e-324, -5e-324, 0.0])
+def test_three_equal_values_of_any_size_leave_only_epsilon_greedy_to_tell_them_apart(mixture, big):
+    p = action_probabilities([big] * 3, epsilon=0.3, temperature=1, mixture=mixture)
+    assert p[1] == p[2]
+    assert sum(p) == pytest.approx(1)
+
+
+@given(values=values, epsilon=epsilons)
+def test_the_best_action_is_the_likeliest_unless_the_policy_is_as_printed(values, epsilon):
+    assume(epsilon < 1)
+    for mixture in ("normalised", "epsilon-greedy"):
+        p = action_probabilities(values, epsilon=epsilon, temperature=0.1, mixture=mixture)
+        assert max(p) == p[values.index(max(values))]
+
+
+# Eq. (20)
+
+
+def test_scaled_values_are_shares_of_their_sum():
+    assert scaled([1, 2, 5], literal=True) == scaled([1, 2, 5]) == [1 / 8, 2 / 8, 5 / 8]
+
+
+def test_where_the_sum_is_negative_the_printed_formula_reverses_the_preference_and_the_guard_does_not():
+    assert scaled([-1, -2, -5], literal=True) == [1 / 8, 2 / 8, 5 / 8]  # the worst value gets the largest share
+    assert scaled([-1, -2, -5]) == [-1 / 8, -2 / 8, -5 / 8]
+
+
+def test_where_the_sum_is_zero_there_is_no_preference():
+    assert scaled([1, -1, 0], literal=True) == [0, 0, 0]
+    assert scaled([0, 0, 0]) == [0, 0, 0]
+    assert scaled([1, -1, 0]) == [1 / 2, -1 / 2, 0]
+
+
+@given(values=positive)
+def test_where_all_values_are_positive_the_guard_changes_nothing(values):
+    assert scaled(values) == scaled(values, literal=True)
+
+
+def test_a_softmax_is_the_one_worked_by_hand_and_a_shift_of_all_values_does_not_change_it():
+    # exp(0), exp(1), exp(2) over their sum
+    weights = [1, exp(1), exp(2)]
+    expected = [weight / sum(weights) for weight in weights]
+    assert softmax([0, 0.5, 1], 0.5) == pytest.approx(expected)
+    assert softmax([1000, 1000.5, 1001], 0.5) == pytest.approx(expected)
+
+
+# Eq. (21)
+
+
+def test_epsilon_greedy_gives_the_first_of_the_best_its_share_and_all_others_a_third_of_epsilon():
+    assert epsilon_greedy([1, 3, 2], 0.3) == pytest.approx([0.1, 0.8, 0.1])
+    assert epsilon_greedy([2, 2, 2], 0.3) == pytest.approx([0.8, 0.1, 0.1])
+    assert epsilon_greedy([1, 3, 2], 0) == [0, 1, 0]
+
+
+# Eq. (22)
+
+
+def test_the_printed_policy_is_the_one_worked_by_hand():
+    # Scaled .2, .3, .5; exp(Scaled / .5) + greedy; the sum of both is the divisor
+    terms = [exp(0.4) + 0.1, exp(0.6) + 0.1, exp(1.0) + 0.8]
+    expected = [term / sum(terms) for term in terms]
+    p = action_probabilities([2, 3, 5], epsilon=0.3, temperature=0.5, mixture="literal")
+    assert p == pytest.approx(expected)
+
+
+@given(values=values, epsilon=epsilons, temperature=temperatures)
+def test_the_normalised_policy_is_the_mean_of_softmax_and_epsilon_greedy(values, epsilon, temperature):
+    both = zip(softmax(scaled(values), temperature), epsilon_greedy(values, epsilon), strict=True)
+    p = action_probabilities(values, epsilon=epsilon, temperature=temperature)
+    assert p == pytest.approx([(s + g) / 2 for s, g in both])
+
+
+def test_at_tau_one_the_printed_policy_gives_the_best_of_three_like_values_46_percent_without_any_exploration():
+    # theta_0 = 1: every Q is about n NRB, so that each share is about a third
+    p = action_probabilities([200, 200, 200.1], epsilon=0, temperature=1, mixture="literal")
+    assert p == pytest.approx([0.269, 0.269, 0.462], abs=1e-3)
+
+
+@given(values=st.lists(st.floats(0, 1e6), min_size=3, max_size=3), epsilon=epsilons)
+def test_at_tau_one_the_printed_policy_gives_the_best_action_two_thirds_at_most_even_if_it_has_all_the_value(
+    values, epsilon
+):
+    p = action_probabilities(values, epsilon=epsilon, temperature=1, mixture="literal")
+    assert max(p) <= (exp(1) + 1) / (exp(1) + 3) + 1e-9  # Scaled 1, 0, 0 and epsilon 0: 65 %
+
+
+def test_at_tau_a_thirtieth_epsilon_has_no_effect_on_the_printed_policy():
+    pure, exploring = (
+        action_probabilities([200, 205, 210], epsilon=epsilon, temperature=0.03, mixture="literal")
+        for epsilon in (0.0, 1.0)
+    )
+    assert pure == pytest.approx(exploring, abs=1e-4)
+
+
+@given(values=positive, epsilon=epsilons)
+def test_epsilon_always_has_its_effect_on_the_normalised_policy(values, epsilon):
+    p = action_probabilities(values, epsilon=epsilon, temperature=0.03)
+    assert min(p) >= epsilon / 6 - 1e-12
+
+
+# Drawing
+
+
+class Drawn:
+    """A generator whose next number is known."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def random(self):
+        return self.number
+
+
+@pytest.mark.parametrize(("number", "action"), [(0.0, 0), (0.19, 0), (0.2, 1), (0.49, 1), (0.5, 2), (0.999, 2)])
+def test_an_action_is_the_first_whose_cumulative_probability_exceeds_the_number_drawn(number, action):
+    assert sample([0.2, 0.3, 0.5], Drawn(number)) == action
+
+
+def test_an_action_without_probability_is_never_drawn_at_the_lower_end():
+    assert sample([0.0, 1.0, 0.0], Drawn(0.0)) == 1
+
+
+def test_actions_are_drawn_as_often_as_their_probabilities_say():
+    rng = np.random.default_rng(0)
+    counts = np.bincount([sample([0.2, 0.3, 0.5], rng) for _ in range(20_000)])
+    assert counts / 20_000 == pytest.approx([0.2, 0.3, 0.5], abs=0.015)  # four standard errors
+
+
+# Eq. (23)
+
+
+def test_the_decrease_rate_is_one_at_first_then_hyperbolic():
+    rates = [decrease_rate(episode, 6) for episode in (1, 9, 20)]
+    assert [round(rate, 3) for rate in rates] == [1, 0.467, 0.269]
+    # An exponential has a constant ratio from episode to episode.
+    assert decrease_rate(2, 6) / decrease_rate(1, 6) == pytest.approx(7 / 8)
+    assert decrease_rate(20, 6) / decrease_rate(19, 6) == pytest.approx(25 / 26)

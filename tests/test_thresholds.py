@@ -1,0 +1,52 @@
+from math import pi, sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from homing_lib.thresholds import linear, square_root, stopping_thresholds
+
+multipliers = st.floats(1.01, 1000)
+
+
+def test_the_published_multiplier_gives_the_upper_threshold_and_one_less_the_lower():
+    upper, lower = stopping_thresholds(12)
+    assert (round(upper, 4), round(lower, 4)) == (0.9081, 0.9040)
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "first", "second"),
+    [
+        (1 / pi, 0, 1 - 1 / sqrt(pi)),  # m pi = 1; pi sqrt(m) = sqrt(pi)
+        (4 / pi, 1 / 2, 1 - 1 / (2 * sqrt(pi))),
+        (1 / pi**2, 1 - sqrt(pi), 0),
+        (4, 1 - 1 / (2 * sqrt(pi)), 1 - 1 / (2 * pi)),
+    ],
+)
+def test_both_printed_forms_are_those_worked_by_hand(multiplier, first, second):
+    assert linear(multiplier) == pytest.approx(first, abs=1e-12)
+    assert square_root(multiplier) == pytest.approx(second, abs=1e-12)
+
+
+@given(m=multipliers, more=st.floats(0.01, 100))
+def test_both_forms_rise_with_the_multiplier_and_stay_below_one(m, more):
+    for form in (linear, square_root):
+        assert form(m) < form(m + more) < 1
+
+
+@given(m=multipliers)
+def test_the_upper_threshold_lies_above_the_lower(m):
+    upper, lower = stopping_thresholds(m)
+    assert lower < upper
+
+
+@given(m=multipliers)
+def test_one_more_on_the_multiplier_moves_the_second_form_less_than_the_first(m):
+    assert square_root(m + 1) - square_root(m) < linear(m + 1) - linear(m)
+
+
+@pytest.mark.parametrize("multiplier", [0, -1, float("nan")])
+def test_a_multiplier_that_is_not_positive_is_refused(multiplier):
+    for form in (linear, square_root, stopping_thresholds):
+        with pytest.raises(ValueError, match="must be greater than 0"):
+            form(multiplier)
