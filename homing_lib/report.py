@@ -1,0 +1,294 @@
+"""The numbers of the report, the README and the terminal, all computed from the stored runs. Nothing is typed."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from pydantic.fields import FieldInfo
+
+from homing_lib import runs
+from homing_lib.agent import Run
+from homing_lib.features import Array, bins_per_channel
+from homing_lib.policy import decrease_rate
+from homing_lib.settings import Settings
+from homing_lib.statistics import Interval, by_episode, interval, ratio
+from homing_lib.thresholds import stopping_thresholds
+
+WINDOW = 5
+"""Episodes at each end that are compared: the first five with the last five."""
+
+WELL_BELOW = 0.75
+"""A ratio of mean steps counts as "well below" if it is no larger than this and its interval excludes 1."""
+
+VERIFIED = Path(__file__).parent.parent / ".build" / "verified"
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What five runs and five of a uniformly random policy say. Steps are means an episode, with 95 % intervals.
+
+    first, last: of the first and last WINDOW episodes; of_first, of_random: last as a share of these; better: in how
+    many runs the last episodes are shorter than the random policy of the same seed; clipped: share of the steps at
+    which lambda was; change_fall, rate_fall: parameter change, and step size, of the last as a share of the first.
+    """
+
+    settings: Settings
+    runs: int
+    first: Interval
+    last: Interval
+    random: Interval
+    of_first: Interval
+    of_random: Interval
+    better: int
+    median_last: float
+    shortest: int
+    reached: int
+    total: int
+    diverged: int
+    random_reached: int
+    random_total: int
+    clipped: float
+    at_wall: float
+    change_fall: float
+    rate_fall: float
+
+    @property
+    def verdict(self) -> str:
+        """ "well below", "below" or "not below": how the last episodes stand to the first and to the random policy."""
+        ratios = self.of_first, self.of_random
+        if any(not ratio.high < 1 for ratio in ratios):
+            return "not below"
+        return "well below" if all(ratio.value <= WELL_BELOW for ratio in ratios) else "below"
+
+
+def headline(learnt: Sequence[Run], random: Sequence[Run]) -> Headline:
+    """Compute it from the runs of the agent and of the random policy, which share their seeds."""
+    rng = np.random.default_rng(0)
+    settings = learnt[0].settings
+    window = min(WINDOW, settings.episodes // 2)
+    steps, chance = by_episode(learnt), by_episode(random)
+    first, last, level = steps[:, :window].mean(axis=1), steps[:, -window:].mean(axis=1), chance.mean(axis=1)
+    changes = by_episode(learnt, "change")
+    rates = step_size_rates(settings)
+    return Headline(
+        settings,
+        len(learnt),
+        interval([first], rng),
+        interval([last], rng),
+        interval([level], rng),
+        ratio(last, first, rng, paired=True),
+        ratio(last, level, rng, paired=True),
+        int((last < level).sum()),
+        float(np.median(steps[:, -window:])),
+        int(steps.min()),
+        *_successes(learnt),
+        sum(run.diverged > 0 for run in learnt),
+        *_successes(random),
+        float(np.concatenate([run.column("clipped") for run in learnt]).mean()),
+        float(np.concatenate([run.column("at_wall") for run in learnt]).mean()),
+        float(np.nanmean(changes[:, -window:]) / np.nanmean(changes[:, :window])),
+        float(rates[-window:].mean() / rates[:window].mean()),
+    )
+
+
+def step_size_rates(settings: Settings) -> Array:
+    """Eq. (23): the step size of each episode as a share of alpha_0."""
+    return np.array([decrease_rate(episode, settings.first_episode) for episode in range(1, settings.episodes + 1)])
+
+
+@cache
+def stored_headline() -> Headline:
+    """The headline of the runs stored under data/."""
+    learnt, random = runs.load_study(runs.HEADLINE).values()
+    return headline(learnt, random)
+
+
+def conclusion(h: Headline) -> str:
+    """The result in one sentence."""
+    lead = {
+        "well below": "The robot learns its way home:",
+        "below": "The robot learns, though by less than the paper suggests:",
+        "not below": "These runs do not show that the robot learns:",
+    }[h.verdict]
+    return (
+        f"{lead} over {h.runs} runs of {h.settings.episodes} episodes, one takes {_steps(h.first)} steps at first "
+        f"(mean of the first {WINDOW} with its 95 % interval) and {_steps(h.last)} at the end (last {WINDOW}); "
+        f"a uniformly random policy in the same room takes {_steps(h.random)}."
+    )
+
+
+def summary() -> str:
+    """What `make` prints when all is done."""
+    h = stored_headline()
+    lines = [
+        conclusion(h),
+        f"Last five against first five: {_ratio(h.of_first)} of the steps; against the random policy: "
+        f"{_ratio(h.of_random)}. The end is {h.verdict} both.",
+        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {h.runs} runs diverged.",
+    ]
+    if VERIFIED.exists():
+        lines.append(VERIFIED.read_text().strip())
+    return "\n".join(lines)
+
+
+# --- LaTeX --------------------------------------------------------------------------------------------------------
+
+
+def latex() -> str:
+    """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
+    macros = numbers(stored_headline()) | {
+        "tableOne": "\n".join(_table_one()),
+        "tableSettings": "\n".join(_table_of_the_others()),
+    }
+    return "\n".join(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items())
+
+
+def numbers(h: Headline) -> dict[str, str]:
+    """The macros by name, without the backslash."""
+    s = h.settings
+    psi = stopping_thresholds(s.multiplier)
+    rates = step_size_rates(s)
+    texts = {
+        "conclusion": conclusion(h),
+        "verdict": h.verdict,
+        "numberOfRuns": f"{h.runs}",
+        "numberOfEpisodes": f"{s.episodes}",
+        "window": f"{WINDOW}",
+        "firstSteps": _steps(h.first),
+        "lastSteps": _steps(h.last),
+        "randomSteps": _steps(h.random),
+        "lastOfFirst": _ratio(h.of_first),
+        "lastOfRandom": _ratio(h.of_random),
+        "betterRuns": f"{h.better}",
+        "medianLastSteps": f"{h.median_last:.0f}",
+        "shortestEpisode": f"{h.shortest}",
+        "homeReached": f"{h.reached}",
+        "homeTotal": f"{h.total}",
+        "randomReached": f"{h.random_reached}",
+        "randomTotal": f"{h.random_total}",
+        "divergedRuns": f"{h.diverged}",
+        "clippedShare": f"{h.clipped:.0%}",
+        "wallShare": f"{h.at_wall:.0%}",
+        "changeFall": f"{h.change_fall:.2f}",
+        "rateFall": f"{h.rate_fall:.2f}",
+        "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
+        "rateLast": f"{rates[-1]:.3f}",
+        "wellBelow": f"{WELL_BELOW}",
+        "psiUpper": f"{psi.upper:.4f}",
+        "psiLower": f"{psi.lower:.4f}",
+        "multiplier": f"{s.multiplier:g}",
+        "multiplierLess": f"{s.multiplier - 1:g}",
+        "nFeatures": f"{s.n_features}",
+        "nBins": f"{bins_per_channel(s.bin_size)}",
+        "imageSize": f"{s.image_size}",
+        "channelPixels": f"{s.image_size**2}",
+        "fieldOfView": f"{s.field_of_view_deg:g}",
+        "surveySteps": f"{s.survey_steps}",
+        "maxSteps": f"{s.max_steps}",
+        "stepSize": f"{s.alpha0:g}",
+        "temperature": f"{s.tau0:g}",
+        "wallPenalty": f"{s.wall_penalty:g}",
+        "sigmaReading": f"{s.variance}, about {s.centre}",
+        "mixtureName": s.mixture,
+    }
+    return {name: _tex(text) for name, text in texts.items()}
+
+
+def _successes(several: Sequence[Run]) -> tuple[int, int]:
+    return sum(int(run.reached.sum()) for run in several), sum(run.settings.episodes for run in several)
+
+
+def _steps(mean: Interval) -> str:
+    return f"{mean.value:.0f} [{mean.low:.0f}, {mean.high:.0f}]"
+
+
+def _ratio(share: Interval) -> str:
+    return f"{share.value:.2f} [{share.low:.2f}, {share.high:.2f}]"
+
+
+def _table_one() -> Iterator[str]:
+    """Rows of Table I: symbol, printed, ours, what it is. They are the settings described as "Table I, SYMBOL: ..."."""
+    s = Settings()
+    psi = stopping_thresholds(s.multiplier)
+    ours = {
+        "first_episode_share": f"{s.first_episode:g}",
+        "multiplier": f"{s.multiplier:g} and {s.multiplier - 1:g}: {psi.upper:.4f} and {psi.lower:.4f}",
+    }
+    for name, field in Settings.model_fields.items():
+        if match := _IN_TABLE_ONE.match(field.description or ""):
+            symbol, text = match["symbol"] or "psi_upper, psi_lower", match["text"] or "reward discount"
+            yield _row(_tex(symbol), _printed(field), ours.get(name, _shown(field.default)), text)
+
+
+def _table_of_the_others() -> Iterator[str]:
+    """Rows of every other setting: name, value, printed, source."""
+    for name, field in Settings.model_fields.items():
+        if not _IN_TABLE_ONE.match(field.description or ""):
+            setting = f"\\setting{{{_escaped(name)}}}"
+            yield _row(setting, _shown(field.default), _printed(field), field.description or "")
+
+
+_IN_TABLE_ONE = re.compile(r"(Table I, (?P<symbol>\w+)[^:]*|Eq\. \(19\))(: (?P<text>.*))?")
+
+
+def _printed(field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    return _shown(extra.get("printed") or "") if isinstance(extra, dict) else ""
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}" if not 0 < abs(value) < 0.01 else re.sub(r"\.?0+e", "e", f"{value:e}")
+    return {"True": "yes", "False": "no"}.get(str(value), str(value))
+
+
+def _row(setting: str, *cells: str) -> str:
+    return " & ".join([setting, *(_tex(cell) for cell in cells)]) + r" \\"
+
+
+_SYMBOLS = ["alpha", "beta", "gamma", "delta", "epsilon", "theta", "lambda", "pi", "sigma", "tau", "phi", "psi"]
+_MATHS = re.compile(
+    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>\d %)"
+    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
+)
+
+
+def _tex(text: str) -> str:
+    """Plain text as LaTeX: its specials escaped, its symbols (alpha_0, sigma^2, 1.25e-3) in maths, `names` in code."""
+    parts, end = [], 0
+    for match in _MATHS.finditer(text):
+        parts += [_escaped(text[end : match.start()]), _as_maths(match)]
+        end = match.end()
+    return "".join([*parts, _escaped(text[end:])])
+
+
+def _as_maths(match: "re.Match[str]") -> str:
+    if match["code"]:
+        return f"\\texttt{{{_escaped(match['code'][1:-1])}}}"
+    if match["percent"]:
+        return f"{match['percent'][0]}\\,\\%"
+    if match["power"]:
+        digits, exponent = match["power"].split("e")
+        return f"${digits}\\times10^{{{int(exponent)}}}$"
+    symbol, sub, up = match["symbol"], match["sub"], match["up"] or ""
+    if not sub and not up and symbol not in _SYMBOLS:
+        return _escaped(symbol)
+    name = f"\\{symbol}" if symbol in _SYMBOLS else f"\\mathrm{{{symbol}}}"
+    index = (sub or "")[1:].strip("()")
+    return f"${name}" + (f"_{{{index if len(index) < 4 else _upright(index)}}}" if index else "") + f"{up}$"
+
+
+def _upright(index: str) -> str:
+    return index if "-" in index else f"\\mathrm{{{index}}}"
+
+
+def _escaped(text: str) -> str:
+    text = re.sub(r"([\\{}$&#%_^~])", lambda m: _SPECIAL.get(m[1], f"\\{m[1]}"), text)
+    return "".join(_UNICODE.get(letter, letter) for letter in text)
+
+
+_SPECIAL = {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
+_UNICODE = {"≥": r"$\geq$", "≤": r"$\leq$", "±": r"$\pm$", "×": r"$\times$", "²": r"\textsuperscript{2}"}

@@ -1,0 +1,95 @@
+"""What may be said about few runs: means, interquartile means and comparisons, each with a bootstrap interval.
+
+The run is the unit: its episodes depend on each other, its seed on nothing. Intervals are 95 % percentile intervals
+of `scipy.stats.bootstrap`, which resamples runs. With five runs they are rough, and rather too narrow than too wide.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from homing_lib.agent import Run
+from homing_lib.features import Array
+
+RESAMPLES = 9999
+
+
+class Interval(NamedTuple):
+    """An estimate and the ends of its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
+    """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
+
+    What a run that diverged did not finish counts as `max_steps` steps, for its robot would not come home, and as NaN
+    in every column.
+    """
+    table = np.full((len(runs), max(run.settings.episodes for run in runs)), np.nan)
+    for row, run in zip(table, runs, strict=True):
+        if column is None:
+            row[: run.settings.episodes] = run.settings.max_steps
+            row[: len(run.lengths)] = run.lengths
+        else:
+            ends = np.cumsum(run.lengths)
+            sums = np.concatenate([[0.0], np.cumsum(run.column(column))])
+            row[: len(ends)] = sums[ends] - sums[ends - run.lengths]
+    return table
+
+
+def iqm(values: ArrayLike, axis: int | None = None) -> Any:
+    """Interquartile mean: the mean of the middle half."""
+    return stats.trim_mean(values, 0.25, axis=axis)
+
+
+def interval(
+    strata: Sequence[ArrayLike], rng: np.random.Generator, statistic: Callable[..., Any] = np.mean
+) -> Interval:
+    """A statistic of all runs together, resampled within each stratum (a room, a task): a stratified bootstrap.
+
+    strata: the numbers of each stratum, one a run; statistic: takes `axis`, such as `np.mean` or `iqm`.
+    """
+    return _bootstrap(strata, lambda *samples, axis: statistic(np.concatenate(samples, axis=axis), axis=axis), rng)
+
+
+def ratio(numerator: ArrayLike, denominator: ArrayLike, rng: np.random.Generator, *, paired: bool) -> Interval:
+    """Mean over mean. paired: element i of both belongs to the same run, and is drawn with it."""
+    return _bootstrap(
+        (numerator, denominator), lambda a, b, axis: a.mean(axis=axis) / b.mean(axis=axis), rng, paired=paired
+    )
+
+
+def probability_of_improvement(
+    ours: ArrayLike, theirs: ArrayLike, rng: np.random.Generator, *, paired: bool
+) -> Interval:
+    """How probably ours is the lesser (steps: the better) of two, ties counting half.
+
+    paired: of the pairs that share a seed; else of all pairs, the Mann-Whitney statistic.
+    """
+
+    def share(a: Array, b: Array, axis: int) -> Any:
+        if paired:
+            return ((a < b) + (a == b) / 2).mean(axis=axis)
+        a, b = np.moveaxis(a, axis, -1)[..., :, None], np.moveaxis(b, axis, -1)[..., None, :]
+        return ((a < b) + (a == b) / 2).mean(axis=(-2, -1))
+
+    return _bootstrap((ours, theirs), share, rng, paired=paired)
+
+
+def _bootstrap(
+    samples: Sequence[ArrayLike], statistic: Callable[..., Any], rng: np.random.Generator, paired: bool = False
+) -> Interval:
+    data = [np.asarray(sample, dtype=np.float64) for sample in samples]
+    value = float(statistic(*data, axis=-1))
+    if any(sample.size < 2 for sample in data):
+        return Interval(value, np.nan, np.nan)  # one run says nothing of how runs differ
+    found = stats.bootstrap(
+        data, statistic, n_resamples=RESAMPLES, method="percentile", vectorized=True, paired=paired, rng=rng
+    )
+    return Interval(value, float(found.confidence_interval.low), float(found.confidence_interval.high))
