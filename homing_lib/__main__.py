@@ -40,6 +40,13 @@ def _parser() -> argparse.ArgumentParser:
     data = command("data", _data, "check the stored runs and compute those that are missing")
     data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
     data.add_argument("--force", action="store_true", help="compute all runs anew")
+    sweep = command("sweep", _sweep, "compute what is missing of one study")
+    sweep.add_argument("study", help="one that `homing studies` lists")
+    sweep.add_argument("--force", action="store_true", help="compute all its runs anew")
+    where = sweep.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, default=-1, help="processes on this machine; -1, the default: one a core")
+    where.add_argument("--cluster", metavar="ADDRESS", help="use the workers of this Dask scheduler instead")
+    command("studies", _studies, "every study, its reason, its size")
     command("verify", _verify, "repeat a stored run live and compare it to the bit")
     notebook = command("notebook", _notebook, "execute a notebook and list what it wrote")
     notebook.add_argument("name")
@@ -82,20 +89,38 @@ def _settings(_: argparse.Namespace) -> None:
 
 
 def _data(options: argparse.Namespace) -> None:
-    from homing_lib import runs
+    from homing_lib import runs, studies
 
-    for study in runs.STUDIES.values():
+    for study in studies.in_order():
         runs.sweep(study, force=options.force)
     if options.stamp:
-        fingerprint = runs.fingerprint(runs.STUDIES.values()) + "\n"
+        fingerprint = runs.fingerprint(studies.in_order()) + "\n"
         if not options.stamp.exists() or options.stamp.read_text() != fingerprint:
             options.stamp.write_text(fingerprint)
 
 
 def _verify(_: argparse.Namespace) -> None:
-    from homing_lib import runs
+    from homing_lib import runs, studies
 
-    print(runs.verify())
+    print(runs.verify(studies.HEADLINE))
+
+
+def _sweep(options: argparse.Namespace) -> None:
+    from homing_lib import runs, studies
+
+    for study in studies.in_order():
+        if study.name == options.study:
+            done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
+            print(f"{study.name}: {done} runs computed, {len(study.jobs())} stored")
+            return
+    raise UserError(f"study {options.study!r}: there is none of this name; `homing studies` lists them")
+
+
+def _studies(_: argparse.Namespace) -> None:
+    from homing_lib import studies
+
+    for study in studies.in_order():
+        print(f"{study.name:12} {len(study.conditions):3} conditions x {len(study.seeds):2} seeds  {study.reason}")
 
 
 def _notebook(options: argparse.Namespace) -> None:

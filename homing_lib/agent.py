@@ -4,11 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from homing_lib import lambdas
 from homing_lib.environment import HomingEnv, survey
-from homing_lib.features import Array
+from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
@@ -95,13 +97,39 @@ class RandomAgent:
         return 0.0, 0.0, False, 0.0
 
 
+class ClimbingAgent(RandomAgent):
+    """Snapshot homing without learning: keep to an action while the similarity rises, else draw another."""
+
+    def begin_episode(self, number: int) -> None:
+        """Forget the last view."""
+        self._action, self._similarity = 0, float("inf")
+
+    def choose(self, phi: Array) -> int:
+        """The last action if the view has come closer to the snapshot, else one of the two others."""
+        seen, before = similarity(phi), self._similarity
+        if seen <= before:
+            self._action = (self._action + 1 + int(self._rng.integers(2))) % 3
+        self._similarity = seen
+        return self._action
+
+
+class Settled(RandomAgent):
+    """A trained agent that only drives: its last exploration, its weights as they are."""
+
+    def __init__(self, agent: "Agent") -> None:
+        self.choose = agent.choose  # type: ignore[method-assign]
+
+
+Agent = SarsaAgent | RandomAgent
+
+
 def overwritten(rule: lambdas.LambdaRule) -> lambdas.LambdaRule:
     """The rule as Fig. 2's last lines feed it: phi_t is overwritten before it is kept, so that phi_(t-1) is phi_t."""
     return lambda **seen: rule(**{**seen, "phi_prev": seen["phi"]})
 
 
 def run_episode(
-    env: HomingEnv, agent: SarsaAgent | RandomAgent, options: dict[str, Any] | None = None
+    env: gymnasium.Env[Any, Any], agent: Agent, options: dict[str, Any] | None = None
 ) -> tuple[Array, bool]:
     """One episode, whatever supplies the images. Returns its steps and whether home was reached.
 
@@ -114,7 +142,7 @@ def run_episode(
         phi_next, reward, terminated, truncated, info = env.step(action)
         action, reflex, at_wall = info["action"], info["reflex"], info["at_wall"]
         next_action = agent.choose(phi_next) if reflex < 0 else reflex
-        learnt = agent.learn(phi, action, reward, phi_next, next_action, terminated, at_wall)
+        learnt = agent.learn(phi, action, float(reward), phi_next, next_action, terminated, at_wall)
         steps.append((*info["pose"], action, reward, info["similarity"], *learnt, at_wall))
         if terminated or truncated:
             return np.array(steps, dtype=np.float64), terminated
@@ -132,9 +160,14 @@ class Run:
     settings: Settings
     seed: int
     steps: Array
-    lengths: Array
-    reached: Array
+    lengths: NDArray[np.int64]
+    reached: NDArray[np.bool_]
     diverged: int
+
+    @property
+    def ended(self) -> NDArray[np.int64]:
+        """Index into `steps` just past each episode's last."""
+        return np.cumsum(self.lengths)
 
     def column(self, name: str) -> Array:
         """One column of the steps, all episodes in a row."""
@@ -142,17 +175,35 @@ class Run:
 
     def episode(self, number: int) -> Array:
         """The steps of episode 1, 2, ...; negative numbers count from the last."""
-        ends = np.cumsum(self.lengths).astype(int)
-        index = number - 1 if number > 0 else len(ends) + number
-        return self.steps[ends[index] - int(self.lengths[index]) : ends[index]]
+        index = number - 1 if number > 0 else number
+        return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
 
 
-def run(settings: Settings, seed: int, after_episode: Callable[[int], object] = lambda number: None) -> Run:
-    """The whole experiment, fixed to the bit by settings and seed. `after_episode` is told 1, 2, ... for progress."""
+_AGENTS: dict[str, type[SarsaAgent | RandomAgent]] = {
+    "sarsa": SarsaAgent,
+    "random": RandomAgent,
+    "climb": ClimbingAgent,
+}
+
+
+def run(
+    settings: Settings,
+    seed: int,
+    after_episode: Callable[[int], object] = lambda number: None,
+    afterwards: Callable[[HomingEnv, Agent], object] = lambda env, agent: None,
+) -> Run:
+    """The whole experiment, fixed to the bit by settings and seed.
+
+    after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
+    (not if the run diverged).
+    """
     survey_rng, agent_rng, world_seed = _streams(seed)
     with HomingEnv(settings, observation="features") as env:
-        env.model = survey(env.world, settings, env.home, survey_rng)
-        agent = (SarsaAgent if settings.controller == "sarsa" else RandomAgent)(settings, agent_rng)
+        key = (settings.model_dump_json(exclude=_NOT_SURVEYED), seed)
+        if key not in _surveys:
+            _surveys[key] = survey(env.world, settings, env.home, survey_rng)
+        env.model = _surveys[key]
+        agent: Agent = _AGENTS[settings.controller](settings, agent_rng)
         env.reset(seed=world_seed)
         episodes, reached, diverged = [], [], 0
         for number in range(1, settings.episodes + 1):
@@ -165,6 +216,8 @@ def run(settings: Settings, seed: int, after_episode: Callable[[int], object] = 
             episodes.append(steps)
             reached.append(home)
             after_episode(number)
+        else:
+            afterwards(env, agent)
     return Run(
         settings,
         seed,
@@ -173,6 +226,15 @@ def run(settings: Settings, seed: int, after_episode: Callable[[int], object] = 
         np.array(reached, dtype=bool),
         diverged,
     )
+
+
+_NOT_SURVEYED = {
+    *("episodes", "alpha0", "epsilon0", "first_episode_share", "discount", "multiplier", "lambda_rule", "theta0"),
+    *("traces", "update", "bootstrap_terminal", "overwrite_features", "mixture", "tau0", "step_cost"),
+    *("approach_reward", "wall_penalty", "learn_at_walls", "controller", "max_steps"),
+}
+_surveys: dict[tuple[str, int], HomeModel] = {}
+"""Surveys already made in this process: runs of one seed that differ in how they learn share theirs."""
 
 
 def _streams(seed: int) -> tuple[np.random.Generator, np.random.Generator, int]:

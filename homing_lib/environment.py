@@ -188,6 +188,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._under_way = True
         return self._look(), self._info(-1, False)
 
+    def place(self, pose: tuple[float, float, float]) -> None:
+        """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
+        self._robot.place(self._free("place", pose))
+
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
         if not self._under_way:

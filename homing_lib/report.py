@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from homing_lib import runs
+from homing_lib import runs, studies
 from homing_lib.agent import Run
 from homing_lib.features import Array, bins_per_channel
 from homing_lib.policy import decrease_rate
@@ -102,7 +102,7 @@ def step_size_rates(settings: Settings) -> Array:
 @cache
 def stored_headline() -> Headline:
     """The headline of the runs stored under data/."""
-    learnt, random = runs.load_study(runs.HEADLINE).values()
+    learnt, random = runs.load_study(studies.HEADLINE).values()
     return headline(learnt, random)
 
 
@@ -188,11 +188,19 @@ def numbers(h: Headline) -> dict[str, str]:
         "fieldOfView": f"{s.field_of_view_deg:g}",
         "surveySteps": f"{s.survey_steps}",
         "maxSteps": f"{s.max_steps}",
-        "stepSize": f"{s.alpha0:g}",
-        "temperature": f"{s.tau0:g}",
-        "wallPenalty": f"{s.wall_penalty:g}",
-        "sigmaReading": f"{s.variance}, about {s.centre}",
-        "mixtureName": s.mixture,
+        "stepSize": _shown(s.alpha0),
+        "exploration": _shown(s.epsilon0),
+        "temperature": _shown(s.tau0),
+        "wallPenalty": _shown(s.wall_penalty),
+        "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one a bin"}[s.variance]
+        + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
+        "mixtureUsed": {
+            "normalised": "both distributions with equal weight",
+            "literal": "as printed",
+            "epsilon-greedy": "epsilon-greedy alone",
+        }[s.mixture],
+        "terminalUsed": "as printed: home is valued like any view" if s.bootstrap_terminal else "home is worth 0",
+        "updateUsed": "as printed; updating all is an option" if s.update == "taken" else "all move, as is standard",
     }
     return {name: _tex(text) for name, text in texts.items()}
 
@@ -219,16 +227,18 @@ def _table_one() -> Iterator[str]:
     }
     for name, field in Settings.model_fields.items():
         if match := _IN_TABLE_ONE.match(field.description or ""):
-            symbol, text = match["symbol"] or "psi_upper, psi_lower", match["text"] or "reward discount"
+            symbol, text = match["symbol"], match["text"] or "reward discount"
+            if symbol is None:
+                symbol, text = "psi_upper, psi_lower", "multipliers and stopping thresholds (eq. 19)"
             yield _row(_tex(symbol), _printed(field), ours.get(name, _shown(field.default)), text)
 
 
 def _table_of_the_others() -> Iterator[str]:
-    """Rows of every other setting: name, value, printed, source."""
+    """Rows of every other setting: name, printed, ours, source."""
     for name, field in Settings.model_fields.items():
         if not _IN_TABLE_ONE.match(field.description or ""):
             setting = f"\\setting{{{_escaped(name)}}}"
-            yield _row(setting, _shown(field.default), _printed(field), field.description or "")
+            yield _row(setting, _printed(field), _shown(field.default), field.description or "")
 
 
 _IN_TABLE_ONE = re.compile(r"(Table I, (?P<symbol>\w+)[^:]*|Eq\. \(19\))(: (?P<text>.*))?")

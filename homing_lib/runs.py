@@ -1,13 +1,17 @@
-"""Many runs, each stored as one file under data/: what is there and sound is kept, what is missing is computed.
+"""Many runs, stored so that nothing is lost: what is there and sound is kept, what is missing is computed.
 
-A file's name is the hash of its settings and its seed; it is written beside its place and renamed, so that it is either
-whole or not there, whenever and by however many processes a sweep is stopped and started again.
+One file a run, named by the hash of its settings and its seed, written beside its place and renamed: it is either whole
+or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
 """
 
 import hashlib
+import io
+import json
+import os
 import platform
 import signal
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,17 +19,28 @@ from typing import Any
 
 import joblib
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
 from homing_lib.agent import Run, run
+from homing_lib.atlas import open_atlas
+from homing_lib.environment import room_named
+from homing_lib.features import Array
 from homing_lib.settings import Settings, UserError, parse_settings
-from homing_lib.storage import DamagedFile, read_arrays, write_arrays
+from homing_lib.storage import DamagedFile, read_arrays, write_arrays, write_bytes
 
 DATA = Path(__file__).parent.parent / "data"
+"""What is committed: complete runs of the headline, and one table for every other study."""
+
+SCRATCH = DATA.parent / ".build" / "runs"
+"""The single runs from which tables are made."""
 
 TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
 exponentials and dot products differ there in the last bits, and learning carries the difference on."""
+
+Columns = dict[str, Array]
+"""A tidy table: columns of equal length by their names. They are listed in data/README.md."""
 
 _REMEDY = "delete it, and `make data` computes it anew"
 _ARRAYS = ("steps", "lengths", "reached")
@@ -34,25 +49,43 @@ _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
 @dataclass(frozen=True)
 class Study:
-    """A question put to the robot: some settings, each run with the same seeds. Stored under data/<name>/."""
+    """A question put to the robot: some conditions, each run with the same seeds.
+
+    reason: why it is asked; conditions: settings by their labels; seeds: of every condition. measure: the table of one
+    run; the study is stored as one table of all, data/<name>.parquet. Without it, the runs themselves are stored, with
+    every step, under data/<name>/.
+    """
 
     name: str
-    settings: tuple[Settings, ...]
+    reason: str
+    conditions: Mapping[str, Settings]
     seeds: Sequence[int]
+    measure: Callable[[Settings, int], Columns] | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where its single runs are stored."""
+        return (SCRATCH if self.measure else DATA) / self.name
+
+    @property
+    def table(self) -> Path:
+        """Where its table is stored; its manifest stands beside it."""
+        return DATA / f"{self.name}.parquet"
 
     def jobs(self) -> list[tuple[Settings, int]]:
-        """All runs of the study."""
-        return [(settings, seed) for settings in self.settings for seed in self.seeds]
+        """All runs, those of one seed together: they share its survey."""
+        return [(settings, seed) for seed in self.seeds for settings in self.conditions.values()]
+
+    def definition(self) -> dict[str, Any]:
+        """What fixes the numbers of this study, as its manifest keeps it."""
+        return {
+            "seeds": [int(seed) for seed in self.seeds],
+            "measure": self.measure.__name__ if self.measure else "every step",
+            "conditions": {label: settings.model_dump() for label, settings in self.conditions.items()},
+        }
 
 
-HEADLINE = Study(
-    "headline",
-    (Settings(), Settings(controller="random")),
-    range(1000, 1005),
-)
-"""Five runs of 20 episodes as the paper reports them, and five of a uniformly random policy in the same room."""
-
-STUDIES = {study.name: study for study in (HEADLINE,)}
+# --- One run ------------------------------------------------------------------------------------------------------
 
 
 def path_of(folder: Path, settings: Settings, seed: int) -> Path:
@@ -62,84 +95,178 @@ def path_of(folder: Path, settings: Settings, seed: int) -> Path:
 
 def save(result: Run, path: Path) -> None:
     """Write a run. The same run gives the same bytes."""
-    made_by = {package: version(package) for package in _PACKAGES} | {
-        "python": platform.python_version(),
-        "homing_lib": code_digest(),
-    }
     about = {
         "settings": result.settings.model_dump(),
         "seed": result.seed,
         "diverged": result.diverged,
-        "made by": made_by,
+        "made by": made_by(),
     }
     write_arrays(path, about, **{name: getattr(result, name) for name in _ARRAYS})
 
 
 def load(path: Path) -> Run:
     """Read a run. Raises UserError with one line if the file is missing or damaged."""
+    about, arrays = _read(path)
     try:
-        about, arrays = read_arrays(path)
         return Run(parse_settings(about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
+    except (KeyError, TypeError, UserError) as error:
+        raise DamagedFile(f"{path}: damaged file ({error}); {_REMEDY}") from None
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    try:
+        return read_arrays(path)
     except FileNotFoundError:
         raise UserError(f"{path}: there is no such run; `make data` computes it") from None
-    except (KeyError, TypeError) as error:
-        raise DamagedFile(f"{path}: damaged file (no {error}); {_REMEDY}") from None
-    except UserError as error:
+    except DamagedFile as error:
         raise DamagedFile(f"{error}; {_REMEDY}") from None
 
 
-def load_study(study: Study, folder: Path | None = None) -> dict[Settings, list[Run]]:
-    """All runs of a study by their settings, seeds in order."""
-    folder = folder or DATA / study.name
-    return {settings: [load(path_of(folder, settings, seed)) for seed in study.seeds] for settings in study.settings}
+def made_by() -> dict[str, str]:
+    """Versions of what makes a run: packages, Python, and this library as a hash of its source."""
+    source = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        source.update(file.name.encode() + file.read_bytes())
+    packages = {package: version(package) for package in _PACKAGES}
+    return packages | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
 
 
-def sweep(study: Study, folder: Path | None = None, *, workers: int = -1, force: bool = False) -> int:
+# --- Many runs ----------------------------------------------------------------------------------------------------
+
+
+def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
     """Compute what is missing of a study, or all of it (`force`). Returns how many runs were computed.
 
-    Every stored file is read and checked first. workers: processes; -1 for one a core.
+    workers: processes on this machine, -1 for one a core; cluster: address of a Dask scheduler to use instead. Runs are
+    kept as they finish. Raises UserError if a stored file is damaged.
     """
-    folder = folder or DATA / study.name
-    todo = [job for job in study.jobs() if force or not _is_sound(path_of(folder, *job), *job)]
+    if study.measure and not force and _table_is_current(study):
+        return 0
+    todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
     if todo:
-        folder.mkdir(parents=True, exist_ok=True)
-        parallel = joblib.Parallel(n_jobs=min(workers, len(todo)), return_as="generator_unordered")
-        finished = parallel(joblib.delayed(_compute)(folder, *job) for job in todo)
-        for _ in tqdm(finished, total=len(todo), desc=f"{study.name}: runs", unit="run"):
-            pass
+        for settings in study.conditions.values():
+            if settings.images == "atlas":
+                open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
+        results = _on_cluster(cluster, study, todo) if cluster else _on_cores(workers, study, todo)
+        for settings, seed, result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
+            _store(study, settings, seed, result)
+    if study.measure:
+        _write_table(study)
     return len(todo)
 
 
-def _compute(folder: Path, settings: Settings, seed: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers; they need not say so
-    save(run(settings, seed), path_of(folder, settings, seed))
+_Result = tuple[Settings, int, Run | Columns]
 
 
-def _is_sound(path: Path, settings: Settings, seed: int) -> bool:
+def _on_cores(workers: int, study: Study, todo: Sequence[tuple[Settings, int]]) -> Iterator[_Result]:
+    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)), return_as="generator_unordered")
+    return parallel(joblib.delayed(_compute)(study.measure, *job, os.getpid()) for job in todo)
+
+
+def _on_cluster(address: str, study: Study, todo: Sequence[tuple[Settings, int]]) -> Iterator[_Result]:
+    from distributed import Client, as_completed
+
+    try:
+        client = Client(address, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
+    with client:
+        futures = [client.submit(_compute, study.measure, *job, os.getpid(), pure=False) for job in todo]
+        for future in as_completed(futures):
+            yield future.result()
+            future.release()
+
+
+def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int, parent: int) -> _Result:
+    if os.getpid() != parent:
+        with suppress(ValueError):  # not the main thread: a Dask worker, which has its own way to stop
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers; they need not say so
+    return settings, seed, (measure or run)(settings, seed)
+
+
+def _store(study: Study, settings: Settings, seed: int, result: Run | Columns) -> None:
+    path = path_of(study.folder, settings, seed)
+    if isinstance(result, Run):
+        save(result, path)
+    else:
+        write_arrays(path, {"settings": settings.model_dump(), "seed": seed, "made by": made_by()}, **result)
+
+
+def _is_sound(study: Study, settings: Settings, seed: int) -> bool:
+    path = path_of(study.folder, settings, seed)
     if not path.exists():
         return False
-    stored = load(path)
-    if (stored.settings, stored.seed) != (settings, seed):
-        raise UserError(f"{path}: holds a run of other settings or another seed; delete it and run `make data`")
+    about, _ = _read(path)
+    if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
+        raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
+    return True
+
+
+def load_study(study: Study) -> dict[str, list[Run]]:
+    """The complete runs of a study by condition, seeds in order."""
+    return {
+        label: [load(path_of(study.folder, settings, seed)) for seed in study.seeds]
+        for label, settings in study.conditions.items()
+    }
+
+
+# --- Tables -------------------------------------------------------------------------------------------------------
+
+
+def load_table(study: Study) -> pd.DataFrame:
+    """A study's table: columns `condition`, `seed`, then those of its measure. Raises UserError if it is not sound."""
+    if not _table_is_current(study):
+        raise UserError(f"{study.table}: missing, or of an older version of this study; `make data` computes it")
+    return pd.read_parquet(study.table)
+
+
+def _write_table(study: Study) -> None:
+    """Join the runs into one table, 32-bit numbers, and write its manifest after it."""
+    parts = []
+    for label, settings in study.conditions.items():
+        for seed in study.seeds:
+            _, columns = _read(path_of(study.folder, settings, seed))
+            narrow = {name: values.astype(np.float32) for name, values in columns.items()}
+            parts.append(pd.DataFrame({"condition": label, "seed": np.int32(seed), **narrow}))
+    frame = pd.concat(parts, ignore_index=True).astype({"condition": "category"})
+    buffer = io.BytesIO()
+    frame.to_parquet(buffer, index=False, compression="zstd", compression_level=9)
+    write_bytes(study.table, buffer.getvalue())
+    manifest = study.definition() | {"made by": made_by(), "sha256": hashlib.sha256(buffer.getvalue()).hexdigest()}
+    write_bytes(_manifest(study), (json.dumps(manifest, indent=1) + "\n").encode())
+
+
+def _manifest(study: Study) -> Path:
+    return study.table.with_suffix(".json")
+
+
+def _table_is_current(study: Study) -> bool:
+    """Whether the stored table is of this very study. Raises DamagedFile if it is, but is not as it was written."""
+    try:
+        manifest = json.loads(_manifest(study).read_text())
+        content = study.table.read_bytes()
+    except FileNotFoundError:
+        return False
+    except ValueError as error:
+        raise DamagedFile(f"{_manifest(study)}: damaged file ({error}); {_REMEDY}") from None
+    if any(manifest.get(name) != value for name, value in study.definition().items()):
+        return False
+    if hashlib.sha256(content).hexdigest() != manifest.get("sha256"):
+        raise DamagedFile(f"{study.table}: damaged file (its content is not what its manifest says); {_REMEDY}")
     return True
 
 
 def fingerprint(studies: Iterable[Study]) -> str:
-    """A hash of the content of all files of some studies: it changes when, and only when, the data do."""
+    """A hash of the stored content of some studies: it changes when, and only when, the data do."""
     digest = hashlib.sha256()
     for study in studies:
-        for job in study.jobs():
-            path = path_of(DATA / study.name, *job)
-            digest.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+        files = [study.table] if study.measure else [path_of(study.folder, *job) for job in study.jobs()]
+        for file in files:
+            digest.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def code_digest() -> str:
-    """A hash of the library's source, twelve hexadecimal digits."""
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.name.encode() + source.read_bytes())
-    return digest.hexdigest()[:12]
+# --- The same again -----------------------------------------------------------------------------------------------
 
 
 def compare(stored: Run, live: Run) -> str:
@@ -152,10 +279,10 @@ def compare(stored: Run, live: Run) -> str:
     return "not"
 
 
-def verify(study: Study = HEADLINE, folder: Path | None = None) -> str:
+def verify(study: Study) -> str:
     """Repeat the first run of a study live, the robot driving in PyBullet, and compare it with the stored one."""
     (settings, seed), *_ = study.jobs()
-    stored = load(path_of(folder or DATA / study.name, settings, seed))
+    stored = load(path_of(study.folder, settings, seed))
     with tqdm(total=settings.episodes, desc="live run: episodes", unit="episode") as bar:
         live = run(settings, seed, after_episode=lambda _: bar.update())
     outcome = compare(stored, live)

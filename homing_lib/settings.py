@@ -85,8 +85,8 @@ class Settings(BaseModel):
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _field(
         "pooled",
-        "Eq. (12): one sigma^2 for all bins; eq. (8) prints one a bin, with which the published thresholds leave a home "
-        "too small for the robot's steps",
+        "Eq. (12): one sigma^2 for all bins; eq. (8) prints one a bin, which leaves a home too small for the robot's "
+        "steps under the published thresholds",
         "both",
     )
     centre: Centre = _field("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
@@ -121,8 +121,8 @@ class Settings(BaseModel):
 
     # --- Experiment ------------------------------------------------------------------------------------------------
     room: str = _field("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
-    controller: Literal["sarsa", "random"] = _field(
-        "sarsa", "Fig. 2, or a uniformly random policy to measure it against", "sarsa"
+    controller: Literal["sarsa", "random", "climb"] = _field(
+        "sarsa", "Fig. 2, or what it is measured against: random actions, or a climb up the similarity", "sarsa"
     )
     images: Literal["camera", "atlas"] = _field("camera", "Declared: rendered at every step, or looked up on a lattice")
     atlas_spacing_m: float = _field(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)

@@ -23,10 +23,15 @@ def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> N
     buffer = io.BytesIO()
     contents: dict[str, Any] = {"about": np.array(json.dumps(about, sort_keys=True)), **arrays}
     np.savez_compressed(buffer, **contents)
+    write_bytes(path, buffer.getvalue())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file beside its place, then rename it: it is whole, or not there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.write_bytes(buffer.getbuffer())
+        part.write_bytes(content)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

@@ -1,0 +1,388 @@
+"""The studies: which settings, which seeds, and why. `runs.py` runs and stores them.
+
+What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `finalists`), and became the defaults
+of `Settings`. Everything that is judged runs on seeds from 1000 up.
+"""
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+from math import degrees, floor, pi
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from homing_lib.agent import STEP_COLUMNS, Agent, Run, Settled, run, run_episode
+from homing_lib.environment import HomingEnv, free_pose, room_named
+from homing_lib.features import similarity
+from homing_lib.robot import Pose, drive, wrapped
+from homing_lib.runs import Columns, Study, load_table
+from homing_lib.settings import Settings
+from homing_lib.thresholds import stopping_thresholds
+
+JUDGED = range(1000, 1050)
+
+EPISODE_COLUMNS = (
+    "episode",  # 1, 2, ...
+    "steps",
+    "reached",  # 1: ended at home, 0: truncated
+    "return",  # sum of the rewards
+    "change",  # sum of the lengths of the weights' changes
+    "lambda",  # mean
+    "clipped",  # share of steps
+    "at_wall",  # share of steps
+    "distance_m",  # of the last pose from home
+    "angle_deg",  # of the last heading to home's
+    "diverged",  # 1: the weights had left the finite numbers; no other number then
+)
+"""What `episodes` keeps, a row an episode."""
+
+
+# --- What is kept of a run -------------------------------------------------------------------------------------------
+
+
+def episodes(settings: Settings, seed: int) -> Columns:
+    """A row an episode, EPISODE_COLUMNS; those after a divergence too."""
+    return episode_table(run(settings, seed))
+
+
+def episode_table(result: Run) -> Columns:
+    """The episodes of a run as columns."""
+    count, done = result.settings.episodes, len(result.lengths)
+    table = {name: np.full(count, np.nan) for name in EPISODE_COLUMNS}
+    table["episode"] = np.arange(1.0, count + 1)
+    table["diverged"] = (table["episode"] > done).astype(float)
+    if done:
+        starts, last = result.ended - result.lengths, result.steps[result.ended - 1]
+        total = dict(zip(STEP_COLUMNS, np.add.reduceat(result.steps, starts.astype(int)).T, strict=True))
+        home = room_named(result.settings.room).home
+        finished = {
+            "steps": result.lengths,
+            "reached": result.reached,
+            "return": total["reward"],
+            "change": total["change"],
+            "lambda": total["lambda"] / result.lengths,
+            "clipped": total["clipped"] / result.lengths,
+            "at_wall": total["at_wall"] / result.lengths,
+            "distance_m": np.hypot(last[:, 0] - home.x, last[:, 1] - home.y),
+            "angle_deg": [abs(degrees(wrapped(heading - home.heading))) for heading in last[:, 2]],
+        }
+        for name, values in finished.items():
+            table[name][:done] = values
+    return table
+
+
+TRIAL_STEPS = 300
+"""A robot that has not come home by then is counted as lost."""
+
+
+def trials(settings: Settings, seed: int) -> Columns:
+    """After learning: one episode without learning from everywhere, and from where a kidnapper puts the robot.
+
+    A row a trial: `kidnapped` (0: started there; 1: carried there after eight steps from the usual start), the pose
+    `x`, `y` (m), `heading` (rad), `steps` from there, `reached`, and `light` of the trial (1: as learnt).
+    """
+    rows: list[tuple[float, ...]] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        rng = np.random.default_rng([seed, 2])
+        settled = Settled(agent)
+        everywhere = list(starts_everywhere(env))
+        somewhere = [free_pose(env.world, env.room, rng) for _ in range(40)]
+        for light in (1.0, 0.8, 0.9, 1.1, 1.2) if settings.room == "paper" else (1.0,):
+            now = settings.with_changes(light=light, max_steps=TRIAL_STEPS)
+            with HomingEnv(now, observation="features", model=env.model) as world:
+                world.reset(seed=seed)
+                for pose in everywhere if light == 1 else somewhere:
+                    steps, reached = run_episode(world, settled, {"start": pose})
+                    rows.append((0, *pose, len(steps), reached, light))
+                for pose in somewhere if light == 1 else ():
+                    steps, reached = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), settled)
+                    rows.append((1, *pose, len(steps) - _KIDNAPPED_AT, reached, light))
+
+    run(settings, seed, afterwards=afterwards)
+    columns = np.array(rows, dtype=float).reshape(-1, 7).T
+    return dict(zip(("kidnapped", "x", "y", "heading", "steps", "reached", "light"), columns, strict=True))
+
+
+_KIDNAPPED_AT = 8
+
+
+class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The same world, in which somebody carries the robot to another pose after some steps."""
+
+    def __init__(self, env: HomingEnv, after: int, pose: Pose) -> None:
+        super().__init__(env)
+        self._home_env, self._after, self._pose = env, after, pose
+
+    def reset(self, **arguments: Any) -> Any:
+        """Begin an episode."""
+        self._left = self._after
+        return super().reset(**arguments)
+
+    def step(self, action: Any) -> Any:
+        """One step; in that of the kidnapping the robot finds itself elsewhere before it moves."""
+        self._left -= 1
+        if self._left == 0:
+            self._home_env.place(self._pose)
+        return super().step(action)
+
+
+def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8) -> Iterator[Pose]:
+    """Free poses on a grid over the whole room."""
+    width, depth = env.room.size
+    for x, y in product(np.arange(spacing_m / 2, width, spacing_m), np.arange(spacing_m / 2, depth, spacing_m)):
+        if env.world.clearance(x, y) >= 0:
+            yield from (Pose(float(x), float(y), wrapped(2 * pi * k / headings)) for k in range(headings))
+
+
+def shortest(settings: Settings, seed: int) -> Columns:
+    """The least number of steps from the start to a view that ends an episode, under the same actions.
+
+    Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
+    the cells hide. Moves that a wall stops are left out.
+    """
+    found: list[float] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        found.append(_search(env))
+
+    run(settings.with_changes(episodes=1, controller="random"), seed, afterwards=afterwards)
+    return {"steps": np.array(found)}
+
+
+def _search(env: HomingEnv) -> float:
+    s, model = env.settings, env.model
+    assert model is not None
+    upper = stopping_thresholds(s.multiplier).upper
+    frontier, seen = [env.room.start], set()
+    for steps in range(1, s.max_steps + 1):
+        reached = []
+        for pose, (left, right) in product(frontier, s.wheel_commands_m):
+            there, stopped = drive(pose, left, right, s.wheel_base_m, env.world.clearance)
+            cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36)
+            if stopped or cell in seen:
+                continue
+            if similarity(model.features(env.world.histogram(there))) >= upper:
+                return float(steps)
+            seen.add(cell)
+            reached.append(there)
+        frontier = reached
+    return float("nan")
+
+
+# --- Calibration, on seeds that nothing is judged by -----------------------------------------------------------------
+
+_CHOICES: dict[str, tuple[Any, ...]] = {
+    "alpha0": (1.25e-4, 1.25e-3, 3e-3, 1.25e-2),
+    "exploration": (0.01, 0.02, 0.03, 0.05, 0.1, "epsilon-greedy"),
+    "wall_penalty": (0.1, 0.3, 1.0, 3.0),
+    "variance": ("pooled", "per-bin"),
+    "forward_m": (0.04, 0.06),
+    "turn_deg": (20.0, 30.0, 45.0),
+    "turn_advance_m": (0.03, 0.06),
+}
+
+
+def _candidates(count: int = 160) -> dict[str, Settings]:
+    """Settings drawn at random from the choices above, by label."""
+    rng = np.random.default_rng(0)
+    drawn: dict[str, Settings] = {}
+    while len(drawn) < count:
+        values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
+        label = " ".join(str(value) for value in values.values())
+        exploration = values.pop("exploration")
+        greedy = isinstance(exploration, str)
+        explore = {"mixture": exploration if greedy else "normalised", "tau0": 0.03 if greedy else exploration}
+        drawn[label] = Settings().with_changes(images="atlas", **explore, **values)
+    return drawn
+
+
+CALIBRATION = Study(
+    "calibration",
+    "What the paper leaves open, searched at random over the choices that its text and the robot allow: 160 settings, "
+    "ten seeds each.",
+    _candidates(),
+    range(10),
+    episodes,
+)
+
+
+def calibration_score(table: Any) -> Any:
+    """The objective of the calibration: mean steps of episodes 11 to 20, a diverged episode counted as the step cap.
+
+    table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
+    """
+    late = table[table.episode > 10]
+    steps = late.steps.fillna(Settings().max_steps)
+    return steps.groupby(late.condition.astype(str)).mean().sort_values(kind="stable")
+
+
+@cache
+def finalists() -> Study:
+    """The sixteen best of the calibration on ninety more seeds, since the best of many is flattered by luck."""
+    best = calibration_score(load_table(CALIBRATION)).index[:16]
+    return Study(
+        "finalists",
+        "The sixteen best settings of the calibration on ninety further seeds: the best of many is flattered by luck.",
+        {label: CALIBRATION.conditions[label] for label in best},
+        range(10, 100),
+        episodes,
+    )
+
+
+# --- What is judged --------------------------------------------------------------------------------------------------
+
+_CAMERA = Settings()
+_ATLAS = Settings(images="atlas")
+
+HEADLINE = Study(
+    "headline",
+    "Five runs of twenty episodes as the paper reports them, every step kept, and five of uniformly random actions.",
+    {"form 2": _CAMERA, "random": _CAMERA.with_changes(controller="random")},
+    range(1000, 1005),
+)
+
+RULES = {
+    "form 1": "hestenes-stiefel",
+    "form 1, printed sign": "hestenes-stiefel:printed",
+    "form 2": "fletcher-reeves",
+    "form 3": "polak-ribiere",
+} | {f"fixed {value:g}": f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0)}
+
+LAMBDA = Study(
+    "lambda",
+    "Does the conjugate lambda do better than fixed ones, or as well (claim C2)? With the camera, at the default step "
+    "size; and fifty runs of the headline and of random actions.",
+    {label: _CAMERA.with_changes(lambda_rule=rule) for label, rule in RULES.items()}
+    | {"random": _CAMERA.with_changes(controller="random")},
+    JUDGED,
+    episodes,
+)
+
+STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 2.5e-3, 5e-3, 1.25e-2)
+
+LAMBDA_MAP = Study(
+    "lambda-map",
+    "The same over step sizes, among them the three that the paper prints (E4): who is best at its own best step size, "
+    "and who survives a large one?",
+    {
+        f"{label} @ {alpha:g}": _ATLAS.with_changes(lambda_rule=rule, alpha0=alpha)
+        for label, rule in RULES.items()
+        for alpha in STEP_SIZES
+    },
+    JUDGED,
+    episodes,
+)
+
+AS_PRINTED: dict[str, dict[str, Any]] = {
+    "E3 form 1": {"lambda_rule": "hestenes-stiefel"},
+    "E3 form 1, printed sign": {"lambda_rule": "hestenes-stiefel:printed"},
+    "E4 alpha_0 of the table": {"alpha0": 1.25e-2},
+    "E4 alpha_0 of the text": {"alpha0": 1.25e-3},
+    "E4 alpha_0 of the formula": {"alpha0": 1.25e-4},
+    "E5 epsilon_0 at its bound": {"epsilon0": 1.0},
+    "E9 sigma^2 about zero": {"centre": "zero"},
+    "E9 sigma^2 per bin": {"variance": "per-bin"},
+    "E9 sigma^2 per bin, about zero": {"variance": "per-bin", "centre": "zero"},
+    "E12 features overwritten": {"overwrite_features": True},
+    "E13 lambda 1 where undefined": {"lambda_rule": "fletcher-reeves:on_zero=1"},
+    "E18 mixture as printed, tau 1": {"mixture": "literal", "tau0": 1.0},
+    "E18 mixture as printed, tau .03": {"mixture": "literal", "tau0": 0.03},
+    "E18 epsilon-greedy alone": {"mixture": "epsilon-greedy"},
+    "E19 home masked": {"bootstrap_terminal": False},
+    "E20 all actions updated": {"update": "all"},
+    "theta_0 = 0": {"theta0": 0.0},
+    "theta_0 = .1": {"theta0": 0.1},
+}
+"""Each reading of the print alone, as a change of the defaults."""
+
+PRINTED = Study(
+    "printed",
+    "What does each error of the print, and each reading of it, change? One at a time against the defaults.",
+    {"default": _ATLAS} | {label: _ATLAS.with_changes(**changes) for label, changes in AS_PRINTED.items()},
+    JUDGED,
+    episodes,
+)
+
+PARTS = Study(
+    "parts",
+    "What does each part of the model contribute? One at a time taken away or changed.",
+    {
+        "default": _ATLAS,
+        "no approach reward": _ATLAS.with_changes(approach_reward=False),
+        "constant cost": _ATLAS.with_changes(step_cost="constant"),
+        "no wall penalty": _ATLAS.with_changes(wall_penalty=0.0),
+        "wall penalty .1": _ATLAS.with_changes(wall_penalty=0.1),
+        "wall penalty 5": _ATLAS.with_changes(wall_penalty=5.0),
+        "no learning at walls": _ATLAS.with_changes(learn_at_walls=False),
+        "no wall penalty, no learning at walls": _ATLAS.with_changes(wall_penalty=0.0, learn_at_walls=False),
+        "constant exploration and step size": _ATLAS.with_changes(first_episode_share=1e6),
+        "three snapshots": _ATLAS.with_changes(snapshots=3),
+        "bins of 6": _ATLAS.with_changes(bin_size=6),
+        "bins of 16": _ATLAS.with_changes(bin_size=16),
+        "30 degrees of view": _ATLAS.with_changes(field_of_view_deg=30.0),
+        "60 degrees of view": _ATLAS.with_changes(field_of_view_deg=60.0),
+        "wheels that slip by a tenth": _ATLAS.with_changes(wheel_slip=0.1),
+    },
+    JUDGED,
+    episodes,
+)
+
+AFTER = Study(
+    "after",
+    "After learning: is home reached from everywhere, by a kidnapped robot, in another light (claims C8, C9)?",
+    {"20 episodes": _ATLAS, "100 episodes": _ATLAS.with_changes(episodes=100)},
+    range(1000, 1020),
+    trials,
+)
+
+ROOMS = Study(
+    "rooms",
+    "Nothing was fitted to one room: the same settings with a partition in the way, and in another room.",
+    {
+        f"{room}, {controller}": _ATLAS.with_changes(room=room, controller=controller)
+        for room in ("paper", "divided", "attic")
+        for controller in ("sarsa", "random")
+    },
+    JUDGED,
+    episodes,
+)
+
+LONG = Study(
+    "long",
+    "Two hundred episodes: what do twenty leave undone?",
+    {
+        label: _ATLAS.with_changes(episodes=200, lambda_rule=RULES[label])
+        for label in ("form 2", "fixed 0", "fixed 0.5", "fixed 0.9")
+    },
+    JUDGED,
+    episodes,
+)
+
+REFERENCES = Study(
+    "references",
+    "What does one do without learning: random actions, or a walk up the similarity (the snapshot-homing idea)?",
+    {
+        "learnt": _ATLAS,
+        "random": _ATLAS.with_changes(controller="random"),
+        "walk up the similarity": _ATLAS.with_changes(controller="climb"),
+    },
+    JUDGED,
+    episodes,
+)
+
+SHORTEST = Study(
+    "shortest",
+    "The least number of steps that the robot's actions allow.",
+    {"shortest": _ATLAS},
+    range(1000, 1010),
+    shortest,
+)
+
+
+def in_order() -> Iterator[Study]:
+    """All studies; the last needs the table of the one before it."""
+    yield from (HEADLINE, LAMBDA, LAMBDA_MAP, PRINTED, PARTS, AFTER, ROOMS, LONG, REFERENCES, SHORTEST, CALIBRATION)
+    yield finalists()
