@@ -106,8 +106,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     >>> import gymnasium, homing_lib
     >>> env = gymnasium.make("homing/UTurn-v0", observation="features", start="uniform", survey_steps=100)
     >>> phi, info = env.reset(seed=1)
-    >>> phi.shape, round(phi.mean(), 9) == round(info["similarity"], 9)
-    ((258,), True)
+    >>> phi.shape, info["action"], info["at_wall"]
+    ((258,), -1, False)
     >>> env.close()
 
     ```
@@ -190,6 +190,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
+        if not self._under_way:
+            raise self._unready()
         self._robot.place(self._free("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
