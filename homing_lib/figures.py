@@ -386,9 +386,9 @@ def _field_of_view(axes: Axes, pose: Pose, settings: Settings) -> None:
 
 
 def _mean_and_range(axes: Axes, episodes: NDArray[np.int64], table: Array) -> None:
-    low, high = np.nanmin(table, axis=0), np.nanmax(table, axis=0)
-    axes.fill_between(episodes, low, high, color=SKY, alpha=0.3, linewidth=0)
-    axes.plot(episodes, np.nanmean(table, axis=0), "o-", color=BLUE, markersize=3)
+    finished = np.ma.masked_invalid(table)  # in an episode that no run finished there is nothing to draw
+    axes.fill_between(episodes, finished.min(axis=0), finished.max(axis=0), color=SKY, alpha=0.3, linewidth=0)
+    axes.plot(episodes, finished.mean(axis=0), "o-", color=BLUE, markersize=3)
 
 
 def _level(axes: Axes, value: float, name: str) -> None:

@@ -180,7 +180,6 @@ def numbers(h: Headline) -> dict[str, str]:
         "psiUpper": f"{psi.upper:.4f}",
         "psiLower": f"{psi.lower:.4f}",
         "multiplier": f"{s.multiplier:g}",
-        "multiplierLess": f"{s.multiplier - 1:g}",
         "nFeatures": f"{s.n_features}",
         "nBins": f"{bins_per_channel(s.bin_size)}",
         "imageSize": f"{s.image_size}",

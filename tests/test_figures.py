@@ -1,0 +1,79 @@
+"""Figures are functions of their data, and their files of the figures."""
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from homing_lib import figures
+from homing_lib.rooms import ROOMS
+from homing_lib.settings import Settings
+from homing_lib.statistics import Interval
+from homing_lib.thresholds import Thresholds
+
+RNG = np.random.default_rng(3)
+IMAGE = RNG.integers(0, 255, (8, 8, 4), dtype=np.uint8)
+PSI = Thresholds(0.9, 0.8)
+WAY = RNG.uniform(0.2, 0.8, (6, 2))
+TABLE = RNG.uniform(20, 200, (3, 20))
+LOST = np.where(np.arange(20) > 15, np.nan, TABLE)  # what runs that diverged leave
+ROOM = ROOMS["paper"]
+
+PLOTS = {
+    "home view": lambda: figures.home_view(IMAGE, np.full(12, 0.25), 64),
+    "room": lambda: figures.room_views(IMAGE, IMAGE, IMAGE, ROOM, Settings()),
+    "map": lambda: figures.similarity_map(RNG.uniform(0.5, 1, (5, 6)), ROOM, PSI),
+    "heading": lambda: figures.similarity_by_heading(np.arange(-180, 181, 10), np.linspace(0.5, 1, 37), PSI),
+    "thresholds": lambda: figures.threshold_forms(np.arange(1, 9), np.arange(8) / 9, np.arange(8) / 8, {3: 0.25}),
+    "shares": lambda: figures.passing_shares({"some": 0.1, "none": 0.0}, ["some"]),
+    "paths": lambda: figures.paths({"early": [("a", WAY), ("b", WAY)], "late": [("c", WAY)]}, ROOM),
+    "curves": lambda: figures.learning_curves(
+        TABLE, -LOST, LOST, TABLE, np.linspace(1, 0.3, 20), *[Interval(90, 80, 99)] * 3, window=5
+    ),
+    "lambda": lambda: figures.lambda_trace(RNG.uniform(0, 1, 9), np.arange(9) % 2, RNG.uniform(0.5, 1, 9), PSI),
+}
+
+
+@pytest.fixture(autouse=True)
+def close_all():
+    yield
+    plt.close("all")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
+def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
+    figure = plot()
+    assert figure.get_figwidth() <= figures.TEXT_WIDTH
+    figures.save(figure, tmp_path, "drawn")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["drawn.pdf", "drawn.png"]
+
+
+def test_saving_twice_gives_the_same_bytes_without_a_date_and_with_embedded_outlines(tmp_path, monkeypatch):
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    written = []
+    for name in ("once", "again"):
+        figures.save(figures.passing_shares({"some": 0.1}), tmp_path, name)
+        written.append([(tmp_path / f"{name}.{kind}").read_bytes() for kind in ("pdf", "png")])
+    assert written[0] == written[1]
+    pdf, png = written[0]
+    assert b"CreationDate" not in pdf
+    assert b"/TrueType" in pdf or b"/CIDFontType2" in pdf  # type 42
+    assert b"/Type3" not in pdf
+    assert b"Software" not in png
+
+
+def test_a_figure_that_cannot_be_saved_leaves_nothing_behind(tmp_path, monkeypatch):
+    figure = figures.passing_shares({"some": 0.1})
+    monkeypatch.setattr(figure, "savefig", lambda *_, **__: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        figures.save(figure, tmp_path, "lost")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_style_stays_with_the_figures():
+    before = dict(matplotlib.rcParams)
+    figures.passing_shares({"some": 0.1})
+    assert dict(matplotlib.rcParams) == before

@@ -1,0 +1,104 @@
+"""The report says what the data say, in LaTeX that compiles."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from homing_lib import report
+from homing_lib.agent import STEP_COLUMNS, Run
+from homing_lib.settings import Settings, UserError
+
+ROOT = Path(__file__).parent.parent
+
+
+def runs(lengths_of_runs, **changes):
+    """Runs of these episode lengths whose weights change by 1 a step."""
+    made = []
+    for seed, lengths in enumerate(lengths_of_runs):
+        steps = np.zeros((sum(lengths), len(STEP_COLUMNS)))
+        steps[:, STEP_COLUMNS.index("change")] = 1
+        settings = Settings(episodes=20, **changes)
+        made.append(Run(settings, seed, steps, np.array(lengths), np.ones(len(lengths), dtype=bool), 0))
+    return made
+
+
+RANDOM = runs([[200] * 20, [220] * 20, [180] * 20], controller="random")
+
+
+def learner(early, late):
+    return runs([[early + seed] * 10 + [late + seed] * 10 for seed in range(3)])
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "verdict", "opening"),
+    [
+        (150, 50, "well below", "The robot learns its way home:"),
+        (100, 90, "below", "The robot learns, though"),
+        (100, 100, "not below", "These runs do not show"),
+        (300, 250, "not below", "These runs do not show"),  # better than at first, but no better than chance
+    ],
+)
+def test_the_verdict_follows_from_both_comparisons(early, late, verdict, opening):
+    h = report.headline(learner(early, late), RANDOM)
+    assert h.verdict == verdict
+    assert report.conclusion(h).startswith(opening)
+
+
+def test_the_headline_is_what_the_runs_say():
+    h = report.headline(learner(150, 50), RANDOM)
+    assert (h.first.value, h.last.value, h.random.value) == (151, 51, 200)
+    assert h.of_first.value == pytest.approx(51 / 151)
+    assert h.of_random.value == pytest.approx(51 / 200)
+    assert (h.better, h.median_last, h.shortest) == (3, 51, 50)
+    assert (h.reached, h.total, h.diverged) == (60, 60, 0)
+    assert h.change_fall == pytest.approx(51 / 151)
+
+
+def test_a_run_that_diverged_counts_against_the_agent():
+    good = learner(150, 50)
+    lost = good[0]
+    lost = Run(lost.settings, lost.seed, lost.steps[:150], lost.lengths[:1], lost.reached[:1], diverged=2)
+    h = report.headline([lost, *good[1:]], RANDOM)
+    assert (h.diverged, h.reached, h.total) == (1, 41, 60)
+    assert h.verdict == "not below"
+    assert all("nan" not in text for text in report.numbers(h).values())
+
+
+def test_every_number_that_the_report_uses_is_defined_and_every_one_defined_is_used():
+    defined = {*report.numbers(report.headline(learner(150, 50), RANDOM)), "tableOne", "tableSettings"}
+    source = (ROOT / "paper/report.tex").read_text()
+    assert {name for name in defined if f"\\{name}" not in source} == set()
+    body = source.partition(r"\begin{document}")[2]
+    used = set(re.findall(r"\\([a-z]+[A-Z]\w*)", body)) - {"lVert", "rVert"}
+    assert used <= defined
+
+
+def test_plain_text_becomes_latex():
+    assert report._tex("alpha_0 = 1.25e-3, 95 % of sigma^2") == (
+        r"$\alpha_{0}$ = $1.25\times10^{-3}$, 95\,\% of $\sigma^2$"
+    )
+    assert report._tex("2 NRB_t - NRB_(t-1) until psi_lower") == (
+        r"2 $\mathrm{NRB}_{t}$ - $\mathrm{NRB}_{t-1}$ until $\psi_{\mathrm{lower}}$"
+    )
+    assert report._tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\% \#1"
+
+
+def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():
+    rows = [*report._table_one(), *report._table_of_the_others()]
+    assert len(rows) == len(Settings.model_fields)
+    for row in rows:
+        assert len(re.findall(r"(?<!\\)&", row)) == 3
+        outside = re.sub(r"\$[^$]*\$", "", row)
+        assert not re.search(r"(?<!\\)[_^#%]", outside), row
+        assert row.isascii(), row
+
+
+def test_the_readme_states_the_result_of_the_stored_runs():
+    try:
+        sentence = report.conclusion(report.stored_headline())
+    except UserError:
+        pytest.skip("no stored runs yet")
+    readme = " ".join((ROOT / "README.md").read_text().replace("\n> ", "\n").split())
+    assert sentence in readme, "write this sentence, the first of `homing summary`, under 'The result' of README.md"

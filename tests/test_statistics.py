@@ -1,0 +1,80 @@
+"""What is said about few runs, against numbers that can be checked by hand."""
+
+import numpy as np
+import pytest
+
+from homing_lib.agent import STEP_COLUMNS, Run
+from homing_lib.settings import Settings
+from homing_lib.statistics import by_episode, interval, iqm, probability_of_improvement, ratio
+
+
+def run(lengths, episodes=3, diverged=0):
+    steps = np.zeros((sum(lengths), len(STEP_COLUMNS)))
+    steps[:, STEP_COLUMNS.index("reward")] = np.arange(sum(lengths))
+    settings = Settings(episodes=episodes, max_steps=100)
+    return Run(settings, 0, steps, np.array(lengths, dtype=int), np.ones(len(lengths), dtype=bool), diverged)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(1)
+
+
+def test_steps_and_sums_of_each_episode_are_those_of_its_steps():
+    runs = [run([1, 2, 3]), run([2, 2, 2])]
+    assert by_episode(runs).tolist() == [[1, 2, 3], [2, 2, 2]]
+    assert by_episode(runs, "reward").tolist() == [[0, 1 + 2, 3 + 4 + 5], [1, 5, 9]]
+
+
+def test_episodes_lost_to_divergence_count_as_never_home_and_have_no_sums():
+    runs = [run([4], diverged=2), run([], diverged=1)]
+    assert by_episode(runs).tolist() == [[4, 100, 100], [100, 100, 100]]
+    assert np.isnan(by_episode(runs, "reward")).tolist() == [[False, True, True], [True] * 3]
+
+
+def test_the_interquartile_mean_ignores_the_outer_quarters():
+    assert iqm([0, 1, 3, 1000]) == 2
+    assert iqm([[0, 1, 3, 1000], [5, 5, 5, 5]], axis=1).tolist() == [2, 5]
+
+
+@pytest.mark.parametrize("statistic", [np.mean, iqm])
+def test_the_interval_of_a_normal_sample_is_about_two_standard_errors_to_either_side(statistic, rng):
+    sample = rng.standard_normal(400)
+    found = interval([sample], rng, statistic)
+    assert found.value == pytest.approx(statistic(sample))
+    assert found.low < found.value < found.high
+    assert found.high - found.low == pytest.approx(4 / np.sqrt(400), rel=0.2)
+
+
+def test_strata_are_resampled_apart(rng):
+    constant_within = [np.full(4, 1.0), np.full(4, 9.0)]
+    assert interval(constant_within, rng) == (5, 5, 5)
+    together = interval([np.concatenate(constant_within)], rng)
+    assert together.low < 5 < together.high
+
+
+def test_a_paired_ratio_keeps_runs_together(rng):
+    slow_and_fast = np.array([10.0, 100.0, 1000.0])
+    paired = ratio(slow_and_fast / 2, slow_and_fast, rng, paired=True)
+    assert paired == pytest.approx((0.5, 0.5, 0.5))
+    apart = ratio(slow_and_fast / 2, slow_and_fast, rng, paired=False)
+    assert apart.low < 0.5 < apart.high
+
+
+def test_probability_of_improvement_counts_pairs_and_ties_half(rng):
+    ours, theirs = [1, 2, 3, 4], [2, 2, 2, 2]
+    assert probability_of_improvement(ours, theirs, rng, paired=True).value == (1 + 0.5) / 4
+    assert probability_of_improvement(ours, [2, 5], rng, paired=False).value == (1 + 0.5 + 4) / 8
+    assert probability_of_improvement([1, 1, 1], [2, 2, 2], rng, paired=True) == (1, 1, 1)
+
+
+def test_one_run_has_a_mean_but_no_interval(rng):
+    found = interval([[7.0]], rng)
+    assert found.value == 7
+    assert np.isnan(found.low)
+    assert np.isnan(found.high)
+
+
+def test_the_same_generator_gives_the_same_interval():
+    sample = [3.0, 1.0, 4.0, 1.0, 5.0]
+    assert interval([sample], np.random.default_rng(2)) == interval([sample], np.random.default_rng(2))
