@@ -175,6 +175,8 @@ class Run:
 
     def episode(self, number: int) -> Array:
         """The steps of episode 1, 2, ...; negative numbers count from the last."""
+        if number == 0:
+            raise IndexError("episodes count from 1")
         index = number - 1 if number > 0 else number
         return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
 
