@@ -226,7 +226,8 @@ def _write_table(study: Study) -> None:
     for label, settings in study.conditions.items():
         for seed in study.seeds:
             _, columns = _read(path_of(study.folder, settings, seed))
-            narrow = {name: values.astype(np.float32) for name, values in columns.items()}
+            with np.errstate(over="ignore"):  # the last numbers of a run that diverged become infinite
+                narrow = {name: values.astype(np.float32) for name, values in columns.items()}
             parts.append(pd.DataFrame({"condition": label, "seed": np.int32(seed), **narrow}))
     frame = pd.concat(parts, ignore_index=True).astype({"condition": "category"})
     buffer = io.BytesIO()

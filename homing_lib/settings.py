@@ -37,7 +37,7 @@ class Settings(BaseModel):
     episodes: int = _field(20, "Table I, EP: episodes of a run", "20", ge=1)
     alpha0: float = _field(
         1.25e-3,
-        "Table I, alpha_0: initial step size. Three values are printed; this is the one of section IV.A",
+        "Table I, alpha_0: initial step size. Three values are printed; calibration picked the one of section IV.A",
         "1.25e-2 (table), 1.25e-3 (text), 0.1/(2 EP^2) = 1.25e-4 (formula)",
         gt=0,
     )
@@ -68,25 +68,29 @@ class Settings(BaseModel):
 
     # --- Exploration (section III.I) ------------------------------------------------------------------------------
     mixture: Mixture = _field(
-        "normalised",
-        "Eq. (22), declared: softmax and epsilon-greedy weigh alike; `literal` is as printed",
+        "epsilon-greedy",
+        "Eq. (22); calibrated: eq. (21) alone. `literal` is as printed; in `normalised` both components weigh alike",
         "literal",
     )
-    tau0: float = _field(0.03, "Eq. (20), declared: initial temperature, no value printed; falls like epsilon", gt=0)
+    tau0: float = _field(
+        0.03, "Eq. (20), declared: initial temperature of both mixtures, no value printed; falls like epsilon", gt=0
+    )
 
     # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
     step_cost: Literal["1/t", "constant"] = _field(
         "1/t", "Eq. (16): the cost of step t; `constant` charges the mean of 1/t over 100 steps", "1/t"
     )
     approach_reward: bool = _field(True, "Eq. (16): 2 NRB_t - NRB_(t-1) while both reach psi_lower", "True")
-    wall_penalty: float = _field(1.0, "V.A, declared: charged a step at a wall; the paper says only: high", ge=0)
+    wall_penalty: float = _field(
+        0.1, "V.A, declared and calibrated: charged a step at a wall; the paper says only: high", ge=0
+    )
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
 
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _field(
         "pooled",
-        "Eq. (12): one sigma^2 for all bins; eq. (8) prints one a bin, which leaves a home too small for the robot's "
-        "steps under the published thresholds",
+        "Eq. (12), calibrated: one sigma^2 for all bins; with one a bin (eq. 8) the published thresholds leave a home "
+        "too small for the robot's steps",
         "both",
     )
     centre: Centre = _field("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
@@ -110,9 +114,11 @@ class Settings(BaseModel):
     # --- Robot (Khepera II) and its three actions ---------------------------------------------------------------------
     wheel_base_m: float = _field(0.053, "Declared: Khepera II", gt=0, le=0.07)
     body_diameter_m: float = _field(0.070, "Section IV: 70 mm in diameter", "70 mm", gt=0, le=0.2)
-    forward_m: float = _field(0.060, "Declared: both wheels' way in one forward action", gt=0, le=0.2)
-    turn_deg: float = _field(30.0, "Declared: rotation of one left or right action", gt=0, le=90)
-    turn_advance_m: float = _field(0.060, "Declared: mean way of the wheels in one left or right action", ge=0, le=0.2)
+    forward_m: float = _field(0.040, "Declared, calibrated: both wheels' way in one forward action", gt=0, le=0.2)
+    turn_deg: float = _field(20.0, "Declared, calibrated: rotation of one left or right action", gt=0, le=90)
+    turn_advance_m: float = _field(
+        0.030, "Declared, calibrated: mean way of the wheels in one turning action", ge=0, le=0.2
+    )
     infrared_range_m: float = _field(0.050, "Declared: Khepera II", gt=0, le=0.5)
     clear_way_m: float = _field(
         0.045, "Declared: the reactive turn ends when all four front infra-red rays see at least this far", ge=0
