@@ -273,7 +273,9 @@ def fingerprint(studies: Iterable[Study]) -> str:
 def compare(stored: Run, live: Run) -> str:
     """How a repeated run stands to the stored one: "to the bit", "within tolerance", or "not"."""
     pairs: list[tuple[Any, Any]] = [(getattr(stored, name), getattr(live, name)) for name in _ARRAYS]
-    if stored.diverged == live.diverged and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
+    if stored.diverged != live.diverged:
+        return "not"
+    if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
         return "to the bit"
     if all(a.shape == b.shape and np.allclose(a, b, TOLERANCE, TOLERANCE, equal_nan=True) for a, b in pairs):
         return "within tolerance"
