@@ -123,10 +123,10 @@ class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
         return super().reset(**arguments)
 
     def step(self, action: Any) -> Any:
-        """One step; in that of the kidnapping the robot finds itself elsewhere before it moves."""
-        self._left -= 1
+        """One step; after the stated number of them the robot finds itself elsewhere before it moves."""
         if self._left == 0:
             self._home_env.place(self._pose)
+        self._left -= 1
         return super().step(action)
 
 
