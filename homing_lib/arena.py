@@ -45,6 +45,8 @@ _AMBIENT_OF_FULL_LIGHT = 1.0
 _BODY_HEIGHT_M = 0.03
 _COLOUR_SHARE = 0.35
 _PERSISTENCE = 0.4
+_ROBOT_GROUP = 64
+"""Bullet's collision group of the robot, beyond those that Bullet gives by itself: infra-red rays pass it by."""
 
 
 class Arena:
@@ -137,7 +139,8 @@ class Arena:
         directions = [pose.heading + radians(angle) for angle in INFRARED_ANGLES_DEG]
         starts = [(pose.x + radius * cos(d), pose.y + radius * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
         ends = [(pose.x + reach * cos(d), pose.y + reach * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
-        hits = pybullet.rayTestBatch(starts, ends, physicsClientId=self._client)
+        # Not its own body, which stands where it was last asked for a clearance.
+        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=~_ROBOT_GROUP, physicsClientId=self._client)
         return np.array([hit[2] for hit in hits]) * self.settings.infrared_range_m
 
     # --- Building -----------------------------------------------------------------------------------------------------
@@ -185,6 +188,7 @@ class Arena:
         # A body without a visual shape shows its collision shape; this triangle below the floor keeps it unseen.
         nothing = _Mesh([(0.0, 0.0, -1.0)] * 3, [0, 1, 2], [(0.0, 0.0)] * 3)
         self._robot = self._body("robot", room.floor, nothing, body)
+        pybullet.setCollisionFilterGroupMask(self._robot, -1, _ROBOT_GROUP, -1, physicsClientId=self._client)
 
     def _shape(self, kind: int, centre: Sequence[float], **size: Any) -> int:
         return int(

@@ -164,6 +164,14 @@ def test_infrared_sensors_see_the_range_itself_where_nothing_is_near(arena):
     np.testing.assert_array_equal(arena.infrared(Pose(0.5, 0.5, 1)), [0.05] * 8)
 
 
+def test_infrared_sensors_never_see_the_robot_itself_wherever_it_touched_last(arena):
+    pose = Pose(0.5, 0.5, 1)
+    for angle in INFRARED_ANGLES_DEG:
+        direction = pose.heading + radians(angle)
+        arena.clearance(pose.x + 0.1 * cos(direction), pose.y + 0.1 * sin(direction))
+        np.testing.assert_array_equal(arena.infrared(pose), [0.05] * 8)
+
+
 def test_infrared_sensors_see_objects_too(arena):
     ball = next(thing for thing in PAPER.objects if thing.name == "ball")
     towards = Pose(ball.x - 0.1, ball.y, radians(-10))  # the third sensor, at +10 degrees, looks at its middle
