@@ -4,12 +4,16 @@ An atlas answers what `robot.World` asks: histograms and infra-red readings of t
 interpolated between lattice positions. The lattice is anchored at home, so that the snapshot is exact.
 """
 
+import fcntl
 import hashlib
 import inspect
+import shutil
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
-from math import ceil, pi
+from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +25,7 @@ from tqdm import tqdm
 from homing_lib import arena, features
 from homing_lib.arena import Arena
 from homing_lib.features import Array
-from homing_lib.robot import Pose
+from homing_lib.robot import INFRARED_ANGLES_DEG, Pose
 from homing_lib.rooms import Room
 from homing_lib.settings import Settings
 from homing_lib.storage import DamagedFile, read_arrays, write_arrays
@@ -44,58 +48,62 @@ _DEPENDS_ON = (
 _BLOCK = 3
 """Columns of the lattice that are rendered and kept together."""
 
-_MARGIN_M = 0.02
-"""Views are rendered from this far inside obstacles: a robot that touches one may be nearest to such a position."""
+_OUTSIDE_M = -0.1
+"""The clearance outside the lattice, which is outside the room."""
 
 
 class Lattice:
     """Positions x0 + i spacing, y0 + j spacing over the whole room, and `headings` directions from home's."""
 
     def __init__(self, room: Room, settings: Settings) -> None:
+        self.home = room.home
         self.spacing = settings.atlas_spacing_m
         self.headings = 360 // settings.atlas_heading_deg
-        self.x0, self.nx = _axis(room.home.x, room.size[0], self.spacing)
-        self.y0, self.ny = _axis(room.home.y, room.size[1], self.spacing)
-        self.heading0 = room.home.heading
+        self._i_home, self.nx = _axis(room.home.x, room.size[0], self.spacing)
+        self._j_home, self.ny = _axis(room.home.y, room.size[1], self.spacing)
+        self.x0, self.y0, _ = self.pose(0, 0, 0)
+        # A body that touches nothing by interpolation may be half a cell's diagonal inside an obstacle, and its
+        # nearest lattice position as far again.
+        self.margin = sqrt(2) * self.spacing
 
     def pose(self, i: int, j: int, k: int) -> Pose:
-        """The pose of lattice point i, j and heading k."""
-        heading = self.heading0 + 2 * pi * k / self.headings
-        return Pose(self.x0 + i * self.spacing, self.y0 + j * self.spacing, heading)
+        """The pose of lattice point i, j and heading k: home's to the bit at home."""
+        return Pose(
+            self.home.x + (i - self._i_home) * self.spacing,
+            self.home.y + (j - self._j_home) * self.spacing,
+            self.home.heading + 2 * pi * k / self.headings,
+        )
 
 
-def _axis(anchor: float, length: float, spacing: float) -> tuple[float, int]:
-    """The first of the points anchor + i spacing that cover [0, length], and how many they are."""
+def _axis(anchor: float, length: float, spacing: float) -> tuple[int, int]:
+    """Of the points anchor + n spacing that cover [0, length]: how many before the anchor, and how many in all."""
     before, after = ceil(anchor / spacing - 1e-9), ceil((length - anchor) / spacing - 1e-9)
-    return anchor - before * spacing, before + after + 1
+    return before, before + after + 1
 
 
 class Atlas:
     """Histograms, infra-red readings and clearances of one room, looked up. Build or load it with `open_atlas`.
 
     counts: pixels in each bin, shape (positions, headings, 3 B); infrared_m: shape (positions, headings, 8);
-    clearance_m: shape (nx, ny); row: index into positions, shape (nx, ny), -1 where the robot cannot stand.
+    clearance_m: shape (nx, ny). The positions are those where a body can nearly stand, in the order of clearance_m.
     """
 
-    def __init__(
-        self, lattice: Lattice, counts: NDArray[Any], infrared_m: NDArray[Any], clearance_m: Array, row: NDArray[Any]
-    ) -> None:
+    def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
         self.lattice = lattice
-        self._counts = counts
-        self._infrared = infrared_m
-        self._clearance: list[list[float]] = clearance_m.tolist()  # Python numbers: two floats are quicker than arrays
-        self._row: list[list[int]] = row.tolist()
-        self._share_of_pixel = 3 / float(counts[0, 0].sum())
-        self._x0, self._y0, self._heading0 = lattice.x0, lattice.y0, lattice.heading0
-        self._per_metre, self._per_radian, self._headings = (
-            1 / lattice.spacing,
-            lattice.headings / (2 * pi),
-            lattice.headings,
-        )
+        self._counts, self._infrared = counts, infrared_m
+        self._pixels = int(counts[0, 0].sum()) // 3
+        position = np.full(clearance_m.shape, -1)
+        position[clearance_m >= -lattice.margin] = np.arange(len(counts))
+        # Python's own numbers and lists: for one item they are quicker than arrays.
+        self._position: list[list[int]] = position.tolist()
+        self._clearance: list[list[float]] = clearance_m.tolist()
+        self._x0, self._y0, self._heading0 = lattice.x0, lattice.y0, lattice.home.heading
+        self._last_i, self._last_j, self._headings = lattice.nx - 1, lattice.ny - 1, lattice.headings
+        self._per_metre, self._per_radian = 1 / lattice.spacing, lattice.headings / (2 * pi)
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
-        return self._counts[self._index(pose)] * self._share_of_pixel
+        return self._counts[self._index(pose)] / self._pixels
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that the sensors see at the nearest lattice pose, shape (8,)."""
@@ -104,6 +112,8 @@ class Atlas:
     def clearance(self, x: float, y: float) -> float:
         """Metres to the nearest obstacle, interpolated linearly between the four lattice positions around."""
         u, v = (x - self._x0) * self._per_metre, (y - self._y0) * self._per_metre
+        if not (0 <= u < self._last_i and 0 <= v < self._last_j):
+            return _OUTSIDE_M
         i, j = int(u), int(v)
         u -= i
         v -= j
@@ -112,23 +122,34 @@ class Atlas:
 
     def _index(self, pose: Pose) -> tuple[int, int]:
         x, y, heading = pose
-        row = self._row[round((x - self._x0) * self._per_metre)][round((y - self._y0) * self._per_metre)]
-        if row < 0:
+        position = self._position[round((x - self._x0) * self._per_metre)][round((y - self._y0) * self._per_metre)]
+        if position < 0:
             raise ValueError(f"pose ({x:.3f}, {y:.3f}): the atlas has no view from there, the robot cannot stand there")
-        return row, round((heading - self._heading0) * self._per_radian) % self._headings
+        return position, round((heading - self._heading0) * self._per_radian) % self._headings
 
     def close(self) -> None:
         """Nothing to free; an arena has."""
 
 
-def open_atlas(room: Room, settings: Settings, folder: Path = FOLDER) -> Atlas:
+def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, workers: int = -1) -> Atlas:
     """The atlas of a room under these settings: loaded if a sound one is stored, else built, with progress.
 
-    It is stored under the hash of all that it depends on; a process keeps those that it has opened.
+    It is stored under the hash of all that it depends on; a process keeps those that it has opened. Building may be
+    stopped at any time and goes on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core.
     """
-    path = folder / f"{room.name}-{digest(room, settings)}.npz"
+    folder = folder or FOLDER
+    about = {"room": room.name, "hash": digest(room, settings)}
+    path = folder / f"{room.name}-{about['hash']}.npz"
     if path not in _opened:
-        _opened[path] = _load(path, room, settings) or _build(path, room, settings)
+        lattice = Lattice(room, settings)
+        arrays = _read(path, about)
+        if arrays is None:
+            for other in sorted({*folder.glob(f"{room.name}-*.npz")} - {path}):
+                _say(f"{other} is of another room, camera, lattice or code; {path.name} is built beside it")
+            with _alone(path):
+                # By now another process may have built it.
+                arrays = _read(path, about, quiet=True) or _build(path, about, room, settings, workers)
+        _opened[path] = Atlas(lattice, **arrays)
     return _opened[path]
 
 
@@ -136,81 +157,90 @@ _opened: dict[Path, Atlas] = {}
 
 
 def digest(room: Room, settings: Settings) -> str:
-    """Twelve hexadecimal digits over room, camera, body, lattice, the code that renders, and Bullet's version."""
-    code = inspect.getsource(arena) + inspect.getsource(features.histogram)
-    values = [getattr(settings, name) for name in _DEPENDS_ON]
-    return hashlib.sha256(f"{room} {values} {code} {version('pybullet')}".encode()).hexdigest()[:12]
+    """Twelve hexadecimal digits over all that the bytes of an atlas depend on."""
+    made_by = (arena, features.bins_per_channel, features.histogram, Lattice, _axis, _render_block)
+    depends_on = (
+        room,
+        INFRARED_ANGLES_DEG,
+        [getattr(settings, name) for name in _DEPENDS_ON],
+        [inspect.getsource(part) for part in made_by],
+        [version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
+    )
+    return hashlib.sha256(repr(depends_on).encode()).hexdigest()[:12]
 
 
-def _load(path: Path, room: Room, settings: Settings) -> Atlas | None:
+def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
+    """The arrays of a file; None if there is none, or, having said so, if it is damaged or about something else."""
     try:
-        _, arrays = read_arrays(path)
-        return Atlas(Lattice(room, settings), **arrays)
+        stored, arrays = read_arrays(path)
+        if stored != about:
+            raise DamagedFile(f"{path}: outdated file, of another room, camera, lattice or code than its name says")
     except FileNotFoundError:
-        for outdated in path.parent.glob(f"{room.name}-*.npz"):
-            _say(f"{outdated.name} is of another room, camera or code of the arena; a new atlas is built beside it")
+        return None
     except DamagedFile as error:
-        _say(f"{error}; it is built anew")
-    except (TypeError, ValueError, IndexError) as error:
-        _say(f"{path}: damaged file ({error}); it is built anew")
-    return None
+        if not quiet:
+            _say(f"{error}; it is built anew")
+        return None
+    return arrays
 
 
-def _build(path: Path, room: Room, settings: Settings) -> Atlas:
+def _build(path: Path, about: dict[str, Any], room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
     """Render blocks of columns in parallel, each kept as soon as it is done, then join them into one file."""
-    lattice = Lattice(room, settings)
-    parts = [path.with_suffix("") / f"{first:04}.npz" for first in range(0, lattice.nx, _BLOCK)]
-    todo = [part for part in parts if not _is_sound(part)]
-    if todo:
-        blocks = joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(
-            joblib.delayed(_render_block)(part, room, settings) for part in todo
-        )
-        progress = tqdm(blocks, total=len(parts), initial=len(parts) - len(todo), desc=f"atlas of room {room.name}")
-        for _ in progress:
-            pass
+    n = Lattice(room, settings).nx
+    blocks = [(first, min(first + _BLOCK, n)) for first in range(0, n, _BLOCK)]
+    parts = {path.with_suffix("") / f"{first:04}.npz": {**about, "columns": [first, end]} for first, end in blocks}
+    todo = [part for part, of_part in parts.items() if _read(part, of_part) is None]
+    rendered = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", initializer=_leave_interrupts)(
+        joblib.delayed(_render_block)(part, parts[part], room, settings) for part in todo
+    )
+    for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(parts), initial=len(parts) - len(todo)):
+        pass
     columns = [read_arrays(part)[1] for part in parts]
     arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
-    row = np.full(arrays["clearance_m"].shape, -1)
-    row[arrays["clearance_m"] >= -_MARGIN_M] = np.arange(len(arrays["counts"]))
-    write_arrays(path, {"room": room.name, "settings": settings.model_dump()}, row=row, **arrays)
-    for part in parts:
-        part.unlink(missing_ok=True)
-    parts[0].parent.rmdir()
-    return Atlas(lattice, row=row, **arrays)
+    write_arrays(path, about, **arrays)
+    shutil.rmtree(path.with_suffix(""), ignore_errors=True)
+    return arrays
 
 
-def _is_sound(part: Path) -> bool:
-    try:
-        read_arrays(part)
-    except (FileNotFoundError, DamagedFile):
-        return False
-    return True
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches workers too; the parent stops them, and it alone says so."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _render_block(part: Path, room: Room, settings: Settings) -> None:
+def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Settings) -> None:
     """All that can be seen, felt and touched from the columns of one block."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers; they need not say so
-    lattice, first = Lattice(room, settings), int(part.stem)
-    pixels = settings.image_size**2
+    lattice = Lattice(room, settings)
+    pixels, bins = settings.image_size**2, 3 * features.bins_per_channel(settings.bin_size)
     counts, infrared, clearances = [], [], []
     with Arena(room, settings) as world:
-        for i in range(first, min(first + _BLOCK, lattice.nx)):
+        for i in range(*about["columns"]):
             for j in range(lattice.ny):
                 x, y, _ = lattice.pose(i, j, 0)
                 clearances.append(world.clearance(x, y))
-                if clearances[-1] < -_MARGIN_M:
-                    continue
-                poses = [lattice.pose(i, j, k) for k in range(lattice.headings)]
-                counts.append([world.histogram(pose) * pixels for pose in poses])
-                infrared.append([world.infrared(pose) for pose in poses])
-    bins = 3 * features.bins_per_channel(settings.bin_size)
+                if clearances[-1] >= -lattice.margin:
+                    poses = [lattice.pose(i, j, k) for k in range(lattice.headings)]
+                    counts.append([world.histogram(pose) * pixels for pose in poses])
+                    infrared.append([world.infrared(pose) for pose in poses])
     write_arrays(
         part,
-        {"columns from": first},
+        about,
         counts=np.rint(counts).astype(np.min_scalar_type(pixels)).reshape(-1, lattice.headings, bins),
-        infrared_m=np.array(infrared, dtype=np.float32).reshape(-1, lattice.headings, 8),
+        infrared_m=np.reshape(infrared, (-1, lattice.headings, len(INFRARED_ANGLES_DEG))),
         clearance_m=np.reshape(clearances, (-1, lattice.ny)),
     )
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold the right to build this file; whoever else wants it waits. It ends with the process, however that ends."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.with_suffix(".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            _say(f"another process is building {path}; waiting for it")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def _say(text: str) -> None:
