@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from homing_lib.settings import Settings, UserError, parse_settings
 
@@ -23,8 +23,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; see `{self.prog} --help`")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="homing", description="A robot that learns its way home, and its study.")
+    parser = _Parser(prog="homing", description="A robot that learns its way home, and its study.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, function: Any, text: str) -> argparse.ArgumentParser:
@@ -33,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
         return added
 
     run = command("run", _run, "one experiment, with the camera; prints a summary")
-    run.add_argument("--seed", type=int, default=0)
+    run.add_argument("--seed", type=_seed, default=0)
     run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
     command("settings", _settings, "every setting, its default and its source")
@@ -44,7 +49,9 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("study", help="one that `homing studies` lists")
     sweep.add_argument("--force", action="store_true", help="compute all its runs anew")
     where = sweep.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, default=-1, help="processes on this machine; -1, the default: one a core")
+    where.add_argument(
+        "--workers", type=_workers, default=-1, help="processes on this machine; -1, the default: one a core"
+    )
     where.add_argument("--cluster", metavar="ADDRESS", help="use the workers of this Dask scheduler instead")
     command("studies", _studies, "every study, its reason, its size")
     command("verify", _verify, "repeat a stored run live and compare it to the bit")
@@ -58,12 +65,25 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r}: must be 0, 1, 2, ...")
+    return int(text)
+
+
+def _workers(text: str) -> int:
+    if text != "-1" and (not text.isdecimal() or int(text) == 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be 1, 2, ... processes, or -1 for one a core")
+    return int(text)
+
+
 def _run(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
-    from homing_lib import agent, runs
+    from homing_lib import agent, environment, runs
 
     settings = changed_settings(options.set)
+    environment.room_named(settings.room)  # before the bar, which would stand beside the refusal
     with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
         result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
     print(f"steps an episode: {' '.join(str(length) for length in result.lengths)}")

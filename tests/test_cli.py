@@ -1,0 +1,109 @@
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from homing_lib.__main__ import main
+from homing_lib.runs import load
+from homing_lib.settings import Settings
+
+ROOT = Path(__file__).parent.parent
+TINY = ["--set", "episodes=2", "--set", "survey_steps=20", "--set", "max_steps=10"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ("run --set alpha0=-1", "setting alpha0 = '-1': Input should be greater than 0"),
+        ("run --set lambda_rule=steepest", "setting lambda_rule = 'steepest': unknown lambda rule 'steepest'; known: "),
+        ("run --set colour=red", "setting colour: there is none of this name; `homing settings` lists them"),
+        ("run --set alpha0", "--set alpha0: expected NAME=VALUE"),
+        ("run --set room=cellar", "room 'cellar': there is none of this name; known are paper, "),
+        ("run --seed first", "argument --seed: 'first': must be 0, 1, 2, ...; see `homing run --help`"),
+        ("run --seed=-1", "argument --seed: '-1': must be 0, 1, 2, ...; see `homing run --help`"),
+        (
+            "sweep headline --workers 0",
+            "argument --workers: '0': must be 1, 2, ... processes, or -1 for one a core",
+        ),
+        ("run --sed 1", "unrecognized arguments: --sed 1; see `homing --help`"),
+        ("fly", "argument COMMAND: invalid choice: 'fly' (choose from 'run', "),
+        ("", "the following arguments are required: COMMAND; see `homing --help`"),
+        ("sweep everything", "study 'everything': there is none of this name; `homing studies` lists them"),
+    ],
+)
+def test_a_mistake_is_answered_in_one_line_and_a_code_that_is_not_zero(arguments, line, capsys):
+    assert main(arguments.split()) == 1
+    output, errors = capsys.readouterr()
+    assert output == ""
+    assert errors.startswith(f"homing: {line}")
+    assert errors.count("\n") == 1
+
+
+def test_from_a_shell_too_a_mistake_is_one_line_without_a_traceback():
+    command = [sys.executable, "-m", "homing_lib", "run", "--set", "alpha0=-1"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr == "homing: setting alpha0 = '-1': Input should be greater than 0\n"
+
+
+def test_a_file_that_cannot_be_written_is_named_in_one_line(capsys):
+    assert main(["run", *TINY, "--out", "/dev/null/run.npz"]) == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert re.match(r"homing: .*/dev/null", last)
+
+
+def test_one_run_prints_its_episodes_and_is_stored_where_it_is_told(tmp_path, capsys):
+    path = tmp_path / "new folder" / "run.npz"
+    assert main(["run", "--seed", "3", *TINY, "--out", str(path)]) == 0
+    assert capsys.readouterr().out == "steps an episode: 10 10\nhome reached in 0 of 2 episodes\n"
+    stored = load(path)
+    assert (stored.seed, stored.settings) == (3, Settings(episodes=2, survey_steps=20, max_steps=10))
+
+
+def test_one_run_that_diverges_says_in_which_episode(capsys):
+    setting = ["--set", "lambda_rule=fixed:1", "--set", "alpha0=1e9", "--set", "theta0=1e9", "--set", "max_steps=400"]
+    assert main(["run", *TINY, *setting]) == 0
+    assert "diverged in episode 1\n" in capsys.readouterr().out
+
+
+def test_all_settings_are_listed_with_default_and_source(capsys):
+    assert main(["settings"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(Settings.model_fields)
+    for line, (name, field) in zip(lines, Settings.model_fields.items(), strict=True):
+        assert re.fullmatch(rf"{name} +{re.escape(str(field.default))} +{re.escape(field.description)}", line)
+
+
+def test_all_studies_are_listed_with_their_reason(capsys):
+    assert main(["studies"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert re.match(r"headline +\d+ conditions x +\d+ seeds  \w", lines[0])
+
+
+def test_an_interrupt_from_the_keyboard_ends_a_run_with_code_130_and_one_line():
+    process = subprocess.Popen(
+        [sys.executable, "-m", "homing_lib", "run", *TINY, "--set", "episodes=100000"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        seen = b""
+        deadline = time.monotonic() + 120
+        while b"episode/s" not in seen:  # it is learning
+            assert time.monotonic() < deadline
+            seen += process.stderr.read1()
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert output == b""
+    assert b"Traceback" not in errors
+    last = errors.decode().replace("\r", "\n").strip().splitlines()[-1]
+    assert last == "homing: interrupted; what was finished is kept, the same command goes on from there"
