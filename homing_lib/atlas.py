@@ -45,6 +45,8 @@ _DEPENDS_ON = (
     "atlas_heading_deg",
 )
 
+_ARRAYS = {"counts", "infrared_m", "clearance_m"}
+
 _BLOCK = 3
 """Columns of the lattice that are rendered and kept together."""
 
@@ -175,6 +177,8 @@ def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str
         stored, arrays = read_arrays(path)
         if stored != about:
             raise DamagedFile(f"{path}: outdated file, of another room, camera, lattice or code than its name says")
+        if arrays.keys() != _ARRAYS:
+            raise DamagedFile(f"{path}: damaged file (has {', '.join(arrays) or 'no arrays'})")
     except FileNotFoundError:
         return None
     except DamagedFile as error:

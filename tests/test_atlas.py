@@ -304,6 +304,19 @@ def test_a_damaged_atlas_is_named_and_built_anew(stored, undisturbed, harm, caps
     assert hashes(stored.parent) == hashes(undisturbed)
 
 
+def test_wherever_a_bit_is_flipped_an_atlas_is_refused_or_the_same(stored):
+    content, about = stored.read_bytes(), {"room": "paper", "hash": atlas.digest(PAPER, SETTINGS)}
+    sound = atlas._read(stored, about)
+    assert sound is not None
+    directory = content.rindex(b"clearance_m.npyPK") - 300  # what zip itself does not check lies near the end
+    for place in (*range(directory, len(content)), *range(0, directory, 997)):
+        harmed = bytearray(content)
+        harmed[place] ^= 1 << place % 8
+        stored.write_bytes(harmed)
+        arrays = atlas._read(stored, about)
+        assert arrays is None or all(np.array_equal(arrays[name], sound[name]) for name in sound)
+
+
 def test_a_sound_atlas_is_loaded_without_a_word(stored, capsys, monkeypatch):
     monkeypatch.setattr(atlas, "_build", None)
     opened(stored.parent)
