@@ -11,8 +11,10 @@ from pydantic.fields import FieldInfo
 
 from homing_lib import runs, studies
 from homing_lib.agent import Run
+from homing_lib.environment import room_named
 from homing_lib.features import Array, bins_per_channel
 from homing_lib.policy import decrease_rate
+from homing_lib.robot import wrapped
 from homing_lib.settings import Settings
 from homing_lib.statistics import Interval, by_episode, interval, ratio
 from homing_lib.thresholds import stopping_thresholds
@@ -31,8 +33,9 @@ class Headline:
     """What five runs and five of a uniformly random policy say. Steps are means an episode, with 95 % intervals.
 
     first, last: of the first and last WINDOW episodes; of_first, of_random: last as a share of these; better: in how
-    many runs the last episodes are shorter than the random policy of the same seed; clipped: share of the steps at
-    which lambda was; change_fall, rate_fall: parameter change, and step size, of the last as a share of the first.
+    many runs the last episodes are shorter than the random policy of the same seed; stop_m, stop_deg: median distance
+    and angle from home where the robot stopped; clipped, at_wall: shares of the steps; change_fall, rate_fall: parameter
+    change, and step size, of the last as a share of the first.
     """
 
     settings: Settings
@@ -50,6 +53,8 @@ class Headline:
     diverged: int
     random_reached: int
     random_total: int
+    stop_m: float
+    stop_deg: float
     clipped: float
     at_wall: float
     change_fall: float
@@ -87,6 +92,7 @@ def headline(learnt: Sequence[Run], random: Sequence[Run]) -> Headline:
         *_successes(learnt),
         sum(run.diverged > 0 for run in learnt),
         *_successes(random),
+        *_stops(learnt),
         float(np.concatenate([run.column("clipped") for run in learnt]).mean()),
         float(np.concatenate([run.column("at_wall") for run in learnt]).mean()),
         float(np.nanmean(changes[:, -window:]) / np.nanmean(changes[:, :window])),
@@ -170,6 +176,8 @@ def numbers(h: Headline) -> dict[str, str]:
         "randomReached": f"{h.random_reached}",
         "randomTotal": f"{h.random_total}",
         "divergedRuns": f"{h.diverged}",
+        "stopDistance": f"{h.stop_m:.2f} m",
+        "stopAngle": f"{h.stop_deg:.0f}",
         "clippedShare": f"{h.clipped:.0%}",
         "wallShare": f"{h.at_wall:.0%}",
         "changeFall": f"{h.change_fall:.2f}",
@@ -189,7 +197,6 @@ def numbers(h: Headline) -> dict[str, str]:
         "maxSteps": f"{s.max_steps}",
         "stepSize": _shown(s.alpha0),
         "exploration": _shown(s.epsilon0),
-        "temperature": _shown(s.tau0),
         "wallPenalty": _shown(s.wall_penalty),
         "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one a bin"}[s.variance]
         + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
@@ -198,6 +205,7 @@ def numbers(h: Headline) -> dict[str, str]:
             "literal": "as printed",
             "epsilon-greedy": "epsilon-greedy alone",
         }[s.mixture],
+        "temperatureUsed": "not used" if s.mixture == "epsilon-greedy" else f"{s.tau0:g} at first, falls like epsilon",
         "terminalUsed": "as printed: home is valued like any view" if s.bootstrap_terminal else "home is worth 0",
         "updateUsed": "as printed; updating all is an option" if s.update == "taken" else "all move, as is standard",
     }
@@ -206,6 +214,14 @@ def numbers(h: Headline) -> dict[str, str]:
 
 def _successes(several: Sequence[Run]) -> tuple[int, int]:
     return sum(int(run.reached.sum()) for run in several), sum(run.settings.episodes for run in several)
+
+
+def _stops(several: Sequence[Run]) -> tuple[float, float]:
+    """Median distance (m) and angle (degrees) between home and the poses at which the robot stopped."""
+    home = room_named(several[0].settings.room).home
+    poses = np.concatenate([run.steps[np.cumsum(run.lengths)[run.reached] - 1, :3] for run in several])
+    angles = np.degrees([abs(wrapped(heading - home.heading)) for heading in poses[:, 2]])
+    return float(np.median(np.hypot(poses[:, 0] - home.x, poses[:, 1] - home.y))), float(np.median(angles))
 
 
 def _steps(mean: Interval) -> str:
@@ -285,7 +301,7 @@ def _as_maths(match: "re.Match[str]") -> str:
     symbol, sub, up = match["symbol"], match["sub"], match["up"] or ""
     if not sub and not up and symbol not in _SYMBOLS:
         return _escaped(symbol)
-    name = f"\\{symbol}" if symbol in _SYMBOLS else f"\\mathrm{{{symbol}}}"
+    name = f"\\{symbol}".replace("epsilon", "varepsilon") if symbol in _SYMBOLS else f"\\mathrm{{{symbol}}}"
     index = (sub or "")[1:].strip("()")
     return f"${name}" + (f"_{{{index if len(index) < 4 else _upright(index)}}}" if index else "") + f"{up}$"
 
@@ -296,6 +312,7 @@ def _upright(index: str) -> str:
 
 def _escaped(text: str) -> str:
     text = re.sub(r"([\\{}$&#%_^~])", lambda m: _SPECIAL.get(m[1], f"\\{m[1]}"), text)
+    text = re.sub(r"(?<![\w.)])-(?=[\d.])", "$-$", text)
     return "".join(_UNICODE.get(letter, letter) for letter in text)
 
 
