@@ -34,8 +34,8 @@ class Headline:
 
     first, last: of the first and last WINDOW episodes; of_first, of_random: last as a share of these; better: in how
     many runs the last episodes are shorter than the random policy of the same seed; stop_m, stop_deg: median distance
-    and angle from home where the robot stopped; clipped, at_wall: shares of the steps; change_fall, rate_fall: parameter
-    change, and step size, of the last as a share of the first.
+    and angle from home where the robot stopped; clipped, at_wall: shares of the steps; change_fall, rate_fall:
+    parameter change, and step size, of the last as a share of the first.
     """
 
     settings: Settings
