@@ -7,11 +7,10 @@ or not there, whenever, wherever and by however many processes a sweep is stoppe
 import hashlib
 import io
 import json
-import os
 import platform
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +26,7 @@ from homing_lib.atlas import open_atlas
 from homing_lib.environment import room_named
 from homing_lib.features import Array
 from homing_lib.settings import Settings, UserError, parse_settings
-from homing_lib.storage import DamagedFile, read_arrays, write_arrays, write_bytes
+from homing_lib.storage import DamagedFile, read_arrays, remove_leftovers, write_arrays, write_bytes
 
 DATA = Path(__file__).parent.parent / "data"
 """What is committed: complete runs of the headline, and one table for every other study."""
@@ -43,6 +42,7 @@ Columns = dict[str, Array]
 """A tidy table: columns of equal length by their names. They are listed in data/README.md."""
 
 _REMEDY = "delete it, and `make data` computes it anew"
+_GOES_ON = "what was finished is kept, the same command goes on from there"
 _ARRAYS = ("steps", "lengths", "reached")
 _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
@@ -72,15 +72,20 @@ class Study:
         """Where its table is stored; its manifest stands beside it."""
         return DATA / f"{self.name}.parquet"
 
+    @property
+    def measured(self) -> str:
+        """What is kept of a run."""
+        return self.measure.__name__ if self.measure else "every step"
+
     def jobs(self) -> list[tuple[Settings, int]]:
-        """All runs, those of one seed together: they share its survey."""
-        return [(settings, seed) for seed in self.seeds for settings in self.conditions.values()]
+        """All runs, each once, those of one seed together: they share its survey."""
+        return [(settings, seed) for seed in self.seeds for settings in dict.fromkeys(self.conditions.values())]
 
     def definition(self) -> dict[str, Any]:
         """What fixes the numbers of this study, as its manifest keeps it."""
         return {
             "seeds": [int(seed) for seed in self.seeds],
-            "measure": self.measure.__name__ if self.measure else "every step",
+            "measure": self.measured,
             "conditions": {label: settings.model_dump() for label, settings in self.conditions.items()},
         }
 
@@ -93,20 +98,23 @@ def path_of(folder: Path, settings: Settings, seed: int) -> Path:
     return folder / f"{settings.digest}-{seed}.npz"
 
 
-def save(result: Run, path: Path) -> None:
-    """Write a run. The same run gives the same bytes."""
+def save(result: Run, path: Path, origin: Mapping[str, str] | None = None) -> None:
+    """Write a run. The same run gives the same bytes. origin: what made it, if not this process (`MADE_BY`)."""
     about = {
         "settings": result.settings.model_dump(),
         "seed": result.seed,
         "diverged": result.diverged,
-        "made by": made_by(),
+        "made by": origin or MADE_BY,
     }
     write_arrays(path, about, **{name: getattr(result, name) for name in _ARRAYS})
 
 
 def load(path: Path) -> Run:
     """Read a run. Raises UserError with one line if the file is missing or damaged."""
-    about, arrays = _read(path)
+    return _run(path, *_read(path))
+
+
+def _run(path: Path, about: dict[str, Any], arrays: dict[str, Any]) -> Run:
     try:
         return Run(parse_settings(about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
     except (KeyError, TypeError, UserError) as error:
@@ -122,13 +130,17 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise DamagedFile(f"{error}; {_REMEDY}") from None
 
 
-def made_by() -> dict[str, str]:
-    """Versions of what makes a run: packages, Python, and this library as a hash of its source."""
+def _made_by() -> dict[str, str]:
     source = hashlib.sha256()
     for file in sorted(Path(__file__).parent.glob("*.py")):
         source.update(file.name.encode() + file.read_bytes())
     packages = {package: version(package) for package in _PACKAGES}
     return packages | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
+
+
+MADE_BY = _made_by()
+"""Versions of what makes a run: packages, Python, and this library as a hash of its source. Taken when the library is
+imported: its files may have changed when the run ends."""
 
 
 # --- Many runs ----------------------------------------------------------------------------------------------------
@@ -138,32 +150,48 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     """Compute what is missing of a study, or all of it (`force`). Returns how many runs were computed.
 
     workers: processes on this machine, -1 for one a core; cluster: address of a Dask scheduler to use instead. Runs are
-    kept as they finish. Raises UserError if a stored file is damaged.
+    kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
     """
+    if not workers:
+        raise UserError("workers = 0: must be a number of processes, or -1 for one a core")
     if study.measure and not force and _table_is_current(study):
         return 0
+    for folder in (study.folder, study.table.parent):
+        remove_leftovers(folder)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
     if todo:
         for settings in study.conditions.values():
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         results = _on_cluster(cluster, study, todo) if cluster else _on_cores(workers, study, todo)
-        for settings, seed, result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
-            _store(study, settings, seed, result)
+        for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
+            _store(study, *result)
     if study.measure:
         _write_table(study)
     return len(todo)
 
 
-_Result = tuple[Settings, int, Run | Columns]
+_Job = tuple[Settings, int]
+_Result = tuple[Settings, int, Run | Columns, dict[str, str]]
 
 
-def _on_cores(workers: int, study: Study, todo: Sequence[tuple[Settings, int]]) -> Iterator[_Result]:
-    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)), return_as="generator_unordered")
-    return parallel(joblib.delayed(_compute)(study.measure, *job, os.getpid()) for job in todo)
+def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
+    # Workers whose parent was killed go after these seconds.
+    parallel = joblib.Parallel(min(workers, len(todo)), return_as="generator_unordered", idle_worker_timeout=5)
+    # Ctrl-C reaches workers too, and they need not say so, their parent does: they inherit from it, from their first
+    # moment, that the signal waits.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        yield from results
+    except BrokenProcessPool:
+        raise UserError(f"a worker process was killed (too little memory?); {_GOES_ON}") from None
 
 
-def _on_cluster(address: str, study: Study, todo: Sequence[tuple[Settings, int]]) -> Iterator[_Result]:
+def _on_cluster(address: str, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
     from distributed import Client, as_completed
 
     try:
@@ -171,41 +199,45 @@ def _on_cluster(address: str, study: Study, todo: Sequence[tuple[Settings, int]]
     except (OSError, ValueError) as error:
         raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
     with client:
-        futures = [client.submit(_compute, study.measure, *job, os.getpid(), pure=False) for job in todo]
+        futures = [client.submit(_compute, study.measure, *job, pure=False) for job in todo]
         for future in as_completed(futures):
             yield future.result()
             future.release()
 
 
-def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int, parent: int) -> _Result:
-    if os.getpid() != parent:
-        with suppress(ValueError):  # not the main thread: a Dask worker, which has its own way to stop
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers; they need not say so
-    return settings, seed, (measure or run)(settings, seed)
+def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int) -> _Result:
+    return settings, seed, (measure or run)(settings, seed), MADE_BY
 
 
-def _store(study: Study, settings: Settings, seed: int, result: Run | Columns) -> None:
+def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, origin: dict[str, str]) -> None:
     path = path_of(study.folder, settings, seed)
     if isinstance(result, Run):
-        save(result, path)
+        save(result, path, origin)
     else:
-        write_arrays(path, {"settings": settings.model_dump(), "seed": seed, "made by": made_by()}, **result)
+        about = {"settings": settings.model_dump(), "seed": seed, "measure": study.measured, "made by": origin}
+        write_arrays(path, about, **result)
 
 
 def _is_sound(study: Study, settings: Settings, seed: int) -> bool:
-    path = path_of(study.folder, settings, seed)
-    if not path.exists():
+    """Whether a run is stored. Raises UserError if its file is damaged, or of another run than its name says."""
+    if not path_of(study.folder, settings, seed).exists():
         return False
-    about, _ = _read(path)
+    about, _ = _stored(study, settings, seed)
+    return about.get("measure", study.measured) == study.measured
+
+
+def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    path = path_of(study.folder, settings, seed)
+    about, arrays = _read(path)
     if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
         raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
-    return True
+    return about, arrays
 
 
 def load_study(study: Study) -> dict[str, list[Run]]:
     """The complete runs of a study by condition, seeds in order."""
     return {
-        label: [load(path_of(study.folder, settings, seed)) for seed in study.seeds]
+        label: [_run(path_of(study.folder, settings, seed), *_stored(study, settings, seed)) for seed in study.seeds]
         for label, settings in study.conditions.items()
     }
 
@@ -222,18 +254,23 @@ def load_table(study: Study) -> pd.DataFrame:
 
 def _write_table(study: Study) -> None:
     """Join the runs into one table, 32-bit numbers, and write its manifest after it."""
-    parts = []
+    parts, origins = [], []
     for label, settings in study.conditions.items():
         for seed in study.seeds:
-            _, columns = _read(path_of(study.folder, settings, seed))
+            about, columns = _stored(study, settings, seed)
+            origins.append(about["made by"])
             with np.errstate(over="ignore"):  # the last numbers of a run that diverged become infinite
                 narrow = {name: values.astype(np.float32) for name, values in columns.items()}
             parts.append(pd.DataFrame({"condition": label, "seed": np.int32(seed), **narrow}))
     frame = pd.concat(parts, ignore_index=True).astype({"condition": "category"})
     buffer = io.BytesIO()
     frame.to_parquet(buffer, index=False, compression="zstd", compression_level=9)
+    _manifest(study).unlink(missing_ok=True)  # whoever is killed here leaves a table without one, to be joined again
     write_bytes(study.table, buffer.getvalue())
-    manifest = study.definition() | {"made by": made_by(), "sha256": hashlib.sha256(buffer.getvalue()).hexdigest()}
+    manifest = study.definition() | {
+        "made by": {name: ", ".join(sorted({origin[name] for origin in origins})) for name in origins[0]},
+        "sha256": hashlib.sha256(buffer.getvalue()).hexdigest(),
+    }
     write_bytes(_manifest(study), (json.dumps(manifest, indent=1) + "\n").encode())
 
 

@@ -1,14 +1,16 @@
 """Arrays and what they are about, in one file that is whole or not there: used for runs and for atlases."""
 
-import io
 import json
 import os
 import zipfile
 import zlib
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
 from homing_lib.settings import UserError
@@ -20,31 +22,47 @@ class DamagedFile(UserError):
 
 def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> None:
     """Write a compressed npz beside its place, then rename it. The same content gives the same bytes."""
-    buffer = io.BytesIO()
+    buffer = BytesIO()
     contents: dict[str, Any] = {"about": np.array(json.dumps(about, sort_keys=True)), **arrays}
     np.savez_compressed(buffer, **contents)
     write_bytes(path, buffer.getvalue())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file beside its place, then rename it: it is whole, or not there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a file beside its place, then rename it: it is whole, or not there. Raises UserError if it cannot."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         part.write_bytes(content)
         part.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes that are gone were writing when they were killed."""
+    for part in folder.glob(".*.part"):
+        process = part.stem.rpartition(".")[2]
+        try:
+            os.kill(int(process), 0)
+        except ProcessLookupError:
+            part.unlink(missing_ok=True)
+        except (ValueError, PermissionError):
+            pass  # not one of ours, or of a process that lives
 
 
 def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """What a file is about, and its arrays. Raises FileNotFoundError, or DamagedFile (every byte is checked)."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        with zipfile.ZipFile(path) as archive:  # not by np.load, which interprets bytes before it has checked them
+            contents = {name.removesuffix(".npy"): BytesIO(archive.read(name)) for name in archive.namelist()}
+        arrays = {name: read_array(content, allow_pickle=False) for name, content in contents.items()}
         return json.loads(str(arrays.pop("about"))), arrays
     except FileNotFoundError:
         raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, RuntimeError) as error:
         detail = (str(error) or type(error).__name__).splitlines()[0]
         raise DamagedFile(f"{path}: damaged file ({detail})") from None
