@@ -26,7 +26,8 @@ from homing_lib.settings import Settings, UserError
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent
-BEFORE_HOME = (PAPER.home.x - Settings().forward_m, PAPER.home.y, 0.0)
+FORWARD = Settings().forward_m
+BEFORE_HOME = (PAPER.home.x - FORWARD, PAPER.home.y, 0.0)
 """From here one step forward ends at home."""
 FACING_WALL = (0.06, 0.5, pi)
 
@@ -310,7 +311,7 @@ def test_an_action_that_does_not_exist_is_refused_and_nothing_moves(action, env)
     pose = env.reset()[1]["pose"]
     with pytest.raises(UserError, match=f"^action = {action!r}: must be 0, 1 or 2$"):
         env.step(action)
-    assert env.step(np.int64(GO_FORWARD))[4]["pose"].x == pytest.approx(pose.x - 0.06)
+    assert env.step(np.int64(GO_FORWARD))[4]["pose"].x == pytest.approx(pose.x - FORWARD)
 
 
 def test_the_actions_are_left_right_and_forward(env):
@@ -409,7 +410,7 @@ def test_a_kidnapped_robot_goes_on_from_where_it_is_put(env):
     drive(env, [GO_FORWARD], options={"start": FACING_WALL})
     env.place((0.5, 0.5, 0.0))
     _, _, _, _, info = env.step(GO_FORWARD)
-    assert info["pose"] == pytest.approx((0.56, 0.5, 0.0))
+    assert info["pose"] == pytest.approx((0.5 + FORWARD, 0.5, 0.0))
     assert info["action"] == GO_FORWARD
     with pytest.raises(UserError, match="the robot does not fit there"):
         env.place((0.0, 0.0, 0.0))
@@ -437,7 +438,7 @@ def test_a_frame_shows_the_robot_and_its_path_and_the_next_episode_starts_with_a
         for _ in range(4):
             env.step(GO_FORWARD)
         later = env.render()
-        assert pixel(later, 0.52, 0.7) == YELLOW
+        assert pixel(later, 0.28 + 4 * FORWARD, 0.7) == YELLOW
         assert pixel(later, 0.35, 0.7) == YELLOW  # the path
         assert pixel(later, 0.35, 0.74) != YELLOW
         env.reset(options={"start": (0.3, 0.7, 0.0)})

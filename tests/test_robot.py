@@ -215,7 +215,7 @@ def test_without_slip_no_random_number_is_drawn_in_the_open(arena):
 
 
 def test_slip_spreads_the_way_of_each_wheel_by_its_share(arena):
-    s, rng = Settings(wheel_slip=0.1), np.random.default_rng(0)
+    s, rng = Settings(wheel_slip=0.1, forward_m=0.06), np.random.default_rng(0)
     ways = []
     for _ in range(1000):
         robot = Robot(arena, s, Pose(0.5, 0.5, 0))

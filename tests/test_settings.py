@@ -32,7 +32,7 @@ def other(name):
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_each_setting_says_first_where_its_value_is_from(name):
-    source = r"Eq\. \(\d+\)|Table I\b|Fig\. 2\b|Section [IV]+\b|[IV]+\.[A-I]:|Declared:|V\.A"
+    source = r"Eq\. \(\d+\)|Table I\b|Fig\. 2\b|Section [IV]+\b|[IV]+\.[A-I]:|Declared[:,]|V\.A"
     assert re.match(source, FIELDS[name].description)
     assert "printed" in FIELDS[name].json_schema_extra
 
