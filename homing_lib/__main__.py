@@ -52,7 +52,12 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument(
         "--workers", type=_workers, default=-1, help="processes on this machine; -1, the default: one a core"
     )
-    where.add_argument("--cluster", metavar="ADDRESS", help="use the workers of this Dask scheduler instead")
+    where.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="use the workers of this Dask scheduler instead: `dask scheduler` prints its address, `dask worker "
+        "--nthreads 1 ADDRESS` starts one worker, wherever this same version is installed",
+    )
     command("studies", _studies, "every study, its reason, its size")
     command("verify", _verify, "repeat a stored run live and compare it to the bit")
     notebook = command("notebook", _notebook, "execute a notebook and list what it wrote")

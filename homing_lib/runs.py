@@ -7,6 +7,7 @@ or not there, whenever, wherever and by however many processes a sweep is stoppe
 import hashlib
 import io
 import json
+import logging
 import platform
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -98,14 +99,9 @@ def path_of(folder: Path, settings: Settings, seed: int) -> Path:
     return folder / f"{settings.digest}-{seed}.npz"
 
 
-def save(result: Run, path: Path, origin: Mapping[str, str] | None = None) -> None:
-    """Write a run. The same run gives the same bytes. origin: what made it, if not this process (`MADE_BY`)."""
-    about = {
-        "settings": result.settings.model_dump(),
-        "seed": result.seed,
-        "diverged": result.diverged,
-        "made by": origin or MADE_BY,
-    }
+def save(result: Run, path: Path) -> None:
+    """Write a run. The same run gives the same bytes."""
+    about = {"settings": result.settings.model_dump(), "seed": result.seed, "diverged": result.diverged}
     write_arrays(path, about, **{name: getattr(result, name) for name in _ARRAYS})
 
 
@@ -152,22 +148,23 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     workers: processes on this machine, -1 for one a core; cluster: address of a Dask scheduler to use instead. Runs are
     kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
     """
-    if not workers:
-        raise UserError("workers = 0: must be a number of processes, or -1 for one a core")
     if study.measure and not force and _table_is_current(study):
         return 0
     for folder in (study.folder, study.table.parent):
         remove_leftovers(folder)
+    before = _read_manifest(study)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
     if todo:
+        _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
         for settings in study.conditions.values():
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         results = _on_cluster(cluster, study, todo) if cluster else _on_cores(workers, study, todo)
         for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
             _store(study, *result)
-    if study.measure:
-        _write_table(study)
+    origins = _write_table(study) if study.measure else [MADE_BY]
+    if todo or study.measure or not before:
+        _write_manifest(study, origins, before)
     return len(todo)
 
 
@@ -192,17 +189,23 @@ def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Res
 
 
 def _on_cluster(address: str, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
-    from distributed import Client, as_completed
+    from distributed import CancelledError, Client, KilledWorker, as_completed
 
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said below
     try:
         client = Client(address, timeout="10s")
     except (OSError, ValueError) as error:
         raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
     with client:
         futures = [client.submit(_compute, study.measure, *job, pure=False) for job in todo]
-        for future in as_completed(futures):
-            yield future.result()
-            future.release()
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+                future.release()
+        except CancelledError:
+            raise UserError(f"--cluster {address}: the connection to the Dask scheduler was lost; {_GOES_ON}") from None
+        except KilledWorker as error:
+            raise UserError(f"--cluster {address}: {error.allowed_failures + 1} workers died; {_GOES_ON}") from None
 
 
 def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int) -> _Result:
@@ -212,7 +215,7 @@ def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Setti
 def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, origin: dict[str, str]) -> None:
     path = path_of(study.folder, settings, seed)
     if isinstance(result, Run):
-        save(result, path, origin)
+        save(result, path)
     else:
         about = {"settings": settings.model_dump(), "seed": seed, "measure": study.measured, "made by": origin}
         write_arrays(path, about, **result)
@@ -252,8 +255,8 @@ def load_table(study: Study) -> pd.DataFrame:
     return pd.read_parquet(study.table)
 
 
-def _write_table(study: Study) -> None:
-    """Join the runs into one table, 32-bit numbers, and write its manifest after it."""
+def _write_table(study: Study) -> list[dict[str, str]]:
+    """Join the runs into one table, 32-bit numbers. Returns what made each run."""
     parts, origins = [], []
     for label, settings in study.conditions.items():
         for seed in study.seeds:
@@ -267,30 +270,57 @@ def _write_table(study: Study) -> None:
     frame.to_parquet(buffer, index=False, compression="zstd", compression_level=9)
     _manifest(study).unlink(missing_ok=True)  # whoever is killed here leaves a table without one, to be joined again
     write_bytes(study.table, buffer.getvalue())
-    manifest = study.definition() | {
-        "made by": {name: ", ".join(sorted({origin[name] for origin in origins})) for name in origins[0]},
-        "sha256": hashlib.sha256(buffer.getvalue()).hexdigest(),
-    }
-    write_bytes(_manifest(study), (json.dumps(manifest, indent=1) + "\n").encode())
+    return origins
+
+
+# --- Manifests ----------------------------------------------------------------------------------------------------
 
 
 def _manifest(study: Study) -> Path:
     return study.table.with_suffix(".json")
 
 
-def _table_is_current(study: Study) -> bool:
-    """Whether the stored table is of this very study. Raises DamagedFile if it is, but is not as it was written."""
+def _files(study: Study) -> list[Path]:
+    """What is committed of a study, beside its manifest."""
+    return [study.table] if study.measure else [path_of(study.folder, *job) for job in study.jobs()]
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _read_manifest(study: Study) -> dict[str, Any]:
+    """The manifest, empty if there is none."""
     try:
         manifest = json.loads(_manifest(study).read_text())
-        content = study.table.read_bytes()
     except FileNotFoundError:
-        return False
+        return {}
     except ValueError as error:
         raise DamagedFile(f"{_manifest(study)}: damaged file ({error}); {_REMEDY}") from None
-    if any(manifest.get(name) != value for name, value in study.definition().items()):
+    return manifest if isinstance(manifest, dict) else {}
+
+
+def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: Mapping[str, Any]) -> None:
+    """Say what made the stored files. If they came out the same again, that is still what first made them."""
+    now = study.definition() | {"sha256": {file.name: _sha256(file) for file in _files(study)}}
+    same = all(before.get(name) == value for name, value in now.items())
+    made_by = {name: ", ".join(sorted({origin[name] for origin in origins})) for name in MADE_BY}
+    now["made by"] = before["made by"] if same else made_by
+    write_bytes(_manifest(study), (json.dumps(now, indent=1) + "\n").encode())
+
+
+def _check(file: Path, manifest: Mapping[str, Any]) -> None:
+    """Raise DamagedFile if a file is not the one that the manifest vouches for."""
+    if _sha256(file) != manifest.get("sha256", {}).get(file.name):
+        raise DamagedFile(f"{file}: damaged file (its content is not what its manifest says); {_REMEDY}")
+
+
+def _table_is_current(study: Study) -> bool:
+    """Whether the stored table is of this very study. Raises DamagedFile if it is, but is not as it was written."""
+    manifest = _read_manifest(study)
+    if not study.table.exists() or any(manifest.get(name) != value for name, value in study.definition().items()):
         return False
-    if hashlib.sha256(content).hexdigest() != manifest.get("sha256"):
-        raise DamagedFile(f"{study.table}: damaged file (its content is not what its manifest says); {_REMEDY}")
+    _check(study.table, manifest)
     return True
 
 
@@ -298,9 +328,8 @@ def fingerprint(studies: Iterable[Study]) -> str:
     """A hash of the stored content of some studies: it changes when, and only when, the data do."""
     digest = hashlib.sha256()
     for study in studies:
-        files = [study.table] if study.measure else [path_of(study.folder, *job) for job in study.jobs()]
-        for file in files:
-            digest.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
+        for file in _files(study):
+            digest.update((file.name + _sha256(file)).encode())
     return digest.hexdigest()
 
 
