@@ -232,6 +232,8 @@ def _is_sound(study: Study, settings: Settings, seed: int) -> bool:
 def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     path = path_of(study.folder, settings, seed)
     about, arrays = _read(path)
+    if not study.measure:
+        _check(path, _read_manifest(study))
     if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
         raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
     return about, arrays
@@ -310,8 +312,8 @@ def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: 
 
 
 def _check(file: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise DamagedFile if a file is not the one that the manifest vouches for."""
-    if _sha256(file) != manifest.get("sha256", {}).get(file.name):
+    """Raise DamagedFile if the manifest vouches for another content of this file."""
+    if manifest.get("sha256", {}).get(file.name) not in (None, _sha256(file)):
         raise DamagedFile(f"{file}: damaged file (its content is not what its manifest says); {_REMEDY}")
 
 
