@@ -5,7 +5,7 @@ of `scipy.stats.bootstrap`, which resamples runs. With five runs they are rough,
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from scipy import stats
 
 from homing_lib.agent import Run
 from homing_lib.features import Array
+from homing_lib.settings import Settings
 
 RESAMPLES = 9999
 
@@ -43,6 +44,13 @@ def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
     return table
 
 
+def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
+    """The same of a study's table: shape (runs, episodes), seeds in order. NaN steps again count as `max_steps`."""
+    rows = table[table.condition == condition].sort_values(["seed", "episode"])
+    values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
+    return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
+
+
 def iqm(values: ArrayLike, axis: int | None = None) -> Any:
     """Interquartile mean: the mean of the middle half."""
     return stats.trim_mean(values, 0.25, axis=axis)
@@ -56,6 +64,18 @@ def interval(
     strata: the numbers of each stratum, one a run; statistic: takes `axis`, such as `np.mean` or `iqm`.
     """
     return _bootstrap(strata, lambda *samples, axis: statistic(np.concatenate(samples, axis=axis), axis=axis), rng)
+
+
+def band(table: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Mean of each column and the ends of its 95 % interval; whole rows, the runs, are resampled."""
+    weights = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=RESAMPLES) / len(table)
+    low, high = np.percentile(weights @ table, (2.5, 97.5), axis=0)
+    return table.mean(axis=0), low, high
+
+
+def side(estimate: Interval, reference: float) -> Literal["below", "above", "open"]:
+    """On which side of a reference the whole interval lies; open: it holds the reference."""
+    return "below" if estimate.high < reference else "above" if estimate.low > reference else "open"
 
 
 def ratio(numerator: ArrayLike, denominator: ArrayLike, rng: np.random.Generator, *, paired: bool) -> Interval:

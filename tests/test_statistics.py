@@ -1,11 +1,22 @@
 """What is said about few runs, against numbers that can be checked by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.settings import Settings
-from homing_lib.statistics import by_episode, interval, iqm, probability_of_improvement, ratio
+from homing_lib.statistics import (
+    Interval,
+    band,
+    by_episode,
+    episodes_of,
+    interval,
+    iqm,
+    probability_of_improvement,
+    ratio,
+    side,
+)
 
 
 def run(lengths, episodes=3, diverged=0):
@@ -30,6 +41,31 @@ def test_episodes_lost_to_divergence_count_as_never_home_and_have_no_sums():
     runs = [run([4], diverged=2), run([], diverged=1)]
     assert by_episode(runs).tolist() == [[4, 100, 100], [100, 100, 100]]
     assert np.isnan(by_episode(runs, "reward")).tolist() == [[False, True, True], [True] * 3]
+
+
+def test_a_table_gives_a_row_a_run_whatever_its_order_and_counts_lost_episodes_as_the_cap():
+    rows = [("a", 7, 2, np.nan, np.nan), ("a", 7, 1, 30.0, 3.0), ("a", 5, 1, 10.0, 1.0), ("a", 5, 2, 20.0, 2.0)]
+    table = pd.DataFrame([*rows, ("b", 5, 1, 99.0, 9.0)], columns=["condition", "seed", "episode", "steps", "change"])
+    assert episodes_of(table, "a").tolist() == [[10, 20], [30, Settings().max_steps]]
+    assert np.isnan(episodes_of(table, "a", "change")).tolist() == [[False, False], [False, True]]
+
+
+def test_a_band_has_the_mean_of_each_episode_and_the_interval_that_it_would_have_alone(rng):
+    table = rng.standard_normal((50, 3)) + np.array([0, 5, 9])
+    mean, low, high = band(table, rng)
+    for column in range(3):
+        alone = interval([table[:, column]], rng)
+        assert (mean[column], low[column], high[column]) == pytest.approx(alone, abs=0.02)
+
+
+def test_an_interval_lies_on_a_side_only_with_all_of_it():
+    assert [side(Interval(2, 1, 3), reference) for reference in (0.9, 1, 2, 3, 3.1)] == [
+        "above",
+        "open",
+        "open",
+        "open",
+        "below",
+    ]
 
 
 def test_the_interquartile_mean_ignores_the_outer_quarters():

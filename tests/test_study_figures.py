@@ -1,0 +1,74 @@
+"""The plots of the studies are functions of their data, awkward data included."""
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from homing_lib import figures, study_figures
+from homing_lib.rooms import ROOMS
+from homing_lib.statistics import Interval
+from homing_lib.study_figures import Column
+
+RNG = np.random.default_rng(3)
+RUNS = RNG.uniform(20, 200, (6, 20))
+CAPPED = np.where(np.arange(20) > 15, 2000.0, RUNS)  # what runs that diverged leave
+FOUND = {"one": Interval(2, 1, 3), "two": Interval(0, -1, 1), "three": Interval(-2, -3, -1)}
+SHARES = {name: Interval(0.5, 0.4, 0.6) for name in ("one", "three")}  # none for two
+X, Y = (values.ravel() for values in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
+
+PLOTS = {
+    "depth": lambda: study_figures.trace_depth({"a": np.tril(RUNS[:, :6] / 200), "b": np.eye(6)}),
+    "parting": lambda: study_figures.parting({"a": (np.zeros(12), np.ones(12))}, {"a": 2}),
+    "step sizes": lambda: study_figures.over_step_sizes(
+        np.array([0.1, 0.2, 0.4]), {"a": RUNS[:, :3], "b": np.where([0, 0, 1], np.inf, RUNS[:, :3])}, "error", 300
+    ),
+    "curves": lambda: study_figures.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
+    "curves with a level": lambda: study_figures.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
+    "forest": lambda: study_figures.forest(Column("difference", FOUND, 0.0), notes={"two": "none"}),
+    "forest of columns": lambda: study_figures.forest(
+        Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)
+    ),
+    "forest, log": lambda: study_figures.forest(Column("steps", SHARES, log=True, text="{:.2f}")),
+    "heat map": lambda: study_figures.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
+    "marginals": lambda: study_figures.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
+    "lattices": lambda: study_figures.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
+    "room": lambda: study_figures.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
+}
+
+
+@pytest.fixture(autouse=True)
+def close_all():
+    yield
+    plt.close("all")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
+def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
+    figure = plot()
+    assert figure.get_figwidth() <= figures.TEXT_WIDTH
+    figures.save(figure, tmp_path, "drawn")
+
+
+def test_an_interval_is_marked_by_the_side_of_the_reference_on_which_all_of_it_lies():
+    (axes,) = study_figures.forest(Column("difference", FOUND, 0.0)).axes
+    assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["s", "D", "o"]
+
+
+def test_names_at_the_ends_of_curves_do_not_overlap():
+    figure = study_figures.curves({"": {name: RUNS for name in ("a", "b", "c")}}, "steps")
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) == 3
+    assert not any(one.overlaps(other) for one in boxes for other in boxes if one is not other)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_curve_that_is_nowhere_low_enough_is_named_nonetheless():
+    figure = study_figures.over_step_sizes(
+        np.array([0.1, 0.2]), {"a": RUNS[:, :2], "b": RUNS[:, :2] + 900}, "error", 300
+    )
+    assert [text.get_text() for text in figure.axes[0].texts] == ["a", "b: beyond 300"]
