@@ -163,8 +163,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
         for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
             _store(study, *result)
     origins = _write_table(study) if study.measure else [MADE_BY]
-    if todo or study.measure or not before:
-        _write_manifest(study, origins, before)
+    _write_manifest(study, origins, before)
     return len(todo)
 
 
@@ -204,8 +203,8 @@ def _on_cluster(address: str, study: Study, todo: Sequence[_Job]) -> Iterator[_R
                 future.release()
         except CancelledError:
             raise UserError(f"--cluster {address}: the connection to the Dask scheduler was lost; {_GOES_ON}") from None
-        except KilledWorker as error:
-            raise UserError(f"--cluster {address}: {error.allowed_failures + 1} workers died; {_GOES_ON}") from None
+        except KilledWorker:
+            raise UserError(f"--cluster {address}: workers keep dying of the same run; {_GOES_ON}") from None
 
 
 def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int) -> _Result:
@@ -299,7 +298,9 @@ def _read_manifest(study: Study) -> dict[str, Any]:
         return {}
     except ValueError as error:
         raise DamagedFile(f"{_manifest(study)}: damaged file ({error}); {_REMEDY}") from None
-    return manifest if isinstance(manifest, dict) else {}
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("sha256"), dict):
+        raise DamagedFile(f"{_manifest(study)}: damaged file (no hashes of the files that it is about); {_REMEDY}")
+    return manifest
 
 
 def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: Mapping[str, Any]) -> None:
@@ -308,19 +309,22 @@ def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: 
     same = all(before.get(name) == value for name, value in now.items())
     made_by = {name: ", ".join(sorted({origin[name] for origin in origins})) for name in MADE_BY}
     now["made by"] = before["made by"] if same else made_by
-    write_bytes(_manifest(study), (json.dumps(now, indent=1) + "\n").encode())
+    if now != _read_manifest(study):
+        write_bytes(_manifest(study), (json.dumps(now, indent=1) + "\n").encode())
 
 
 def _check(file: Path, manifest: Mapping[str, Any]) -> None:
     """Raise DamagedFile if the manifest vouches for another content of this file."""
-    if manifest.get("sha256", {}).get(file.name) not in (None, _sha256(file)):
+    if manifest and manifest["sha256"].get(file.name) not in (None, _sha256(file)):
         raise DamagedFile(f"{file}: damaged file (its content is not what its manifest says); {_REMEDY}")
 
 
 def _table_is_current(study: Study) -> bool:
     """Whether the stored table is of this very study. Raises DamagedFile if it is, but is not as it was written."""
     manifest = _read_manifest(study)
-    if not study.table.exists() or any(manifest.get(name) != value for name, value in study.definition().items()):
+    if any(manifest.get(name) != value for name, value in study.definition().items()):
+        return False
+    if study.table.name not in manifest["sha256"] or not study.table.exists():
         return False
     _check(study.table, manifest)
     return True

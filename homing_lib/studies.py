@@ -82,7 +82,8 @@ def trials(settings: Settings, seed: int) -> Columns:
     """After learning: one episode without learning from everywhere, and from where a kidnapper puts the robot.
 
     A row a trial: `kidnapped` (0: started there; 1: carried there after eight steps from the usual start), the pose
-    `x`, `y` (m), `heading` (rad), `steps` from there, `reached`, and `light` of the trial (1: as learnt).
+    `x`, `y` (m), `heading` (rad), `steps` from there, `reached`, and `light` of the trial (1: as learnt). A run that
+    diverged has nothing to try: one row without numbers.
     """
     rows: list[tuple[float, ...]] = []
 
@@ -102,9 +103,9 @@ def trials(settings: Settings, seed: int) -> Columns:
                     steps, reached = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), settled)
                     rows.append((1, *pose, len(steps) - _KIDNAPPED_AT, reached, light))
 
+    names = ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
     run(settings, seed, afterwards=afterwards)
-    columns = np.array(rows, dtype=float).reshape(-1, 7).T
-    return dict(zip(("kidnapped", "x", "y", "heading", "steps", "reached", "light"), columns, strict=True))
+    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
 
 _KIDNAPPED_AT = 8
