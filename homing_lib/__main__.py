@@ -41,6 +41,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--seed", type=_seed, default=0)
     run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
+    film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
+    film.add_argument("--seed", type=_seed, default=1000, help="by default 1000, of the stored runs")
+    film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
+    film.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
+    film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
     command("settings", _settings, "every setting, its default and its source")
     data = command("data", _data, "check the stored runs and compute those that are missing")
     data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
@@ -97,6 +102,12 @@ def _run(options: argparse.Namespace) -> None:
         print(f"diverged in episode {result.diverged}")
     if options.out:
         runs.save(result, options.out)
+
+
+def _film(options: argparse.Namespace) -> None:
+    from homing_lib.film import film
+
+    film(changed_settings(options.set), options.seed, options.episode, options.out)
 
 
 def changed_settings(changes: Sequence[str]) -> Settings:
