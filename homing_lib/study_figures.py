@@ -240,9 +240,8 @@ def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, s
             )
             axes.hlines(np.median(scores), place - 0.38, place + 0.38, color=colour, linewidth=1.8)
         axes.set(title=name, yscale="log", ylim=(None, 1.15 * top), xlim=(-0.6, len(by_value) - 0.4))
-        axes.set_xticks(range(len(by_value)), list(by_value), fontsize=6 if len(by_value) > 4 else 7)
-        if len(by_value) > 4:
-            axes.tick_params(axis="x", rotation=35)
+        crowded = sum(map(len, by_value)) > 20
+        axes.set_xticks(range(len(by_value)), list(by_value), fontsize=6 if crowded else 7, rotation=35 * crowded)
         _plain_log(axes, "y")
     for axes in grid[::columns]:
         axes.set_ylabel("steps an episode")
