@@ -1,6 +1,7 @@
 import hashlib
 import subprocess
 import sys
+from math import pi
 from pathlib import Path
 from typing import get_args
 
@@ -8,8 +9,19 @@ import numpy as np
 import pytest
 
 from homing_lib import runs, studies
-from homing_lib.agent import _NOT_SURVEYED, STEP_COLUMNS, ClimbingAgent, Run, SarsaAgent, Settled, overwritten, run
-from homing_lib.environment import reward, survey
+from homing_lib.agent import (
+    _NOT_SURVEYED,
+    STEP_COLUMNS,
+    ClimbingAgent,
+    RandomAgent,
+    Run,
+    SarsaAgent,
+    Settled,
+    overwritten,
+    run,
+    run_episode,
+)
+from homing_lib.environment import HomingEnv, reward, survey
 from homing_lib.lambdas import parse
 from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import PAPER
@@ -139,6 +151,35 @@ def test_an_episode_that_is_not_there_is_an_index_error(number):
 
 
 # Learning
+
+
+class Watched(RandomAgent):
+    """Draws at random and keeps what it is taught."""
+
+    def __init__(self):
+        super().__init__(SHORT, np.random.default_rng(0))
+        self.lessons = []
+
+    def learn(self, *lesson):
+        self.lessons.append(lesson)
+        return super().learn()
+
+
+def test_each_update_credits_the_action_driven_and_looks_ahead_to_the_one_driven_next_reflex_or_not(home_model):
+    agent = Watched()
+    with HomingEnv(observation="features", model=home_model, max_steps=100) as env:
+        env.reset(seed=0)
+        steps, reached = run_episode(env, agent, {"start": (0.06, 0.5, pi)})
+    driven = steps[:, STEP_COLUMNS.index("action")]
+    at_walls = steps[:, STEP_COLUMNS.index("at_wall")]
+    assert at_walls[1:].any()  # in a reflex
+    phis, actions, rewards, phis_next, actions_next, terminals, walls = zip(*agent.lessons, strict=True)
+    np.testing.assert_array_equal(actions, driven)
+    np.testing.assert_array_equal(actions_next[:-1], driven[1:])
+    np.testing.assert_array_equal(phis[1:], phis_next[:-1])
+    np.testing.assert_array_equal(rewards, steps[:, STEP_COLUMNS.index("reward")])
+    np.testing.assert_array_equal(walls, at_walls)
+    assert terminals == (*[False] * (len(steps) - 1), reached)
 
 
 def test_a_random_controller_learns_nothing(short):
