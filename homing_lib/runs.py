@@ -225,7 +225,7 @@ def _is_sound(study: Study, settings: Settings, seed: int) -> bool:
     if not path_of(study.folder, settings, seed).exists():
         return False
     about, _ = _stored(study, settings, seed)
-    return about.get("measure", study.measured) == study.measured
+    return study.measure is None or about.get("measure") == study.measured
 
 
 def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
