@@ -19,11 +19,14 @@ RESAMPLES = 9999
 
 
 class Interval(NamedTuple):
-    """An estimate and the ends of its 95 % interval."""
+    """An estimate and the ends of its 95 % interval. f"{interval:.2f}" writes all three: 0.50 [0.40, 0.61]."""
 
     value: float
     low: float
     high: float
+
+    def __format__(self, each: str) -> str:
+        return f"{self.value:{each}} [{self.low:{each}}, {self.high:{each}}]"
 
 
 def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
@@ -76,6 +79,17 @@ def band(table: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
 def side(estimate: Interval, reference: float) -> Literal["below", "above", "open"]:
     """On which side of a reference the whole interval lies; open: it holds the reference."""
     return "below" if estimate.high < reference else "above" if estimate.low > reference else "open"
+
+
+def judged(found: Interval, margin: float = 1.25) -> Literal["better", "worse", "comparable", "open"]:
+    """What a ratio of steps says: less than 1 is better; comparable if all of the interval lies within the margin.
+
+    Open, which is not comparable: it holds 1, and more than the margin on one side.
+    """
+    where = side(found, 1)
+    if where != "open":
+        return "better" if where == "below" else "worse"
+    return "comparable" if found.low > 1 / margin and found.high < margin else "open"
 
 
 def ratio(numerator: ArrayLike, denominator: ArrayLike, rng: np.random.Generator, *, paired: bool) -> Interval:

@@ -1,7 +1,8 @@
 """Plots of the studies, in the style of `figures`: many runs, and every number with its 95 % interval.
 
-Where an interval is held against a reference, it is drawn as a blue disc if all of it lies below, as an orange square
-if all of it lies above, and as an open grey diamond if it holds the reference: shapes for grey prints.
+Where an interval is held against a reference, it is drawn as a blue disc if all of it lies on the good side (below, for
+steps), as an orange square if all of it lies on the bad side, and as an open grey diamond if it holds the reference:
+the shapes are for grey prints.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from homing_lib.features import Array
 from homing_lib.figures import BLUE, GREEN, GREY, INK, ORANGE, SKY, TEXT_WIDTH, _floor_plan, _robot, _styled
@@ -30,7 +31,7 @@ LINES = (
 )
 """Colours and dashes of several curves in one panel, in order."""
 
-_MARKS = {"below": ("o", BLUE, BLUE), "above": ("s", ORANGE, ORANGE), "open": ("D", GREY, "white")}
+_MARKS = {"good": ("o", BLUE, BLUE), "bad": ("s", ORANGE, ORANGE), "open": ("D", GREY, "white")}
 
 
 # --- A class's first encounter with lambda ---------------------------------------------------------------------------
@@ -111,10 +112,11 @@ def curves(
     levels: Mapping[str, float] | None = None,
     log: bool = True,
     shared: bool = True,
+    each: int = 1,
 ) -> Figure:
     """Mean and 95 % interval over the runs, by episode. panels: tables of shape (runs, episodes) by title and label.
 
-    levels: horizontal lines by name, drawn in every panel.
+    levels: horizontal lines by name, drawn in every panel; each: how many episodes a column of the tables stands for.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.7))
     grid = np.atleast_1d(figure.subplots(1, len(panels), sharey=shared))
@@ -122,11 +124,12 @@ def curves(
         ends: dict[str, tuple[float, float]] = {}
         for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
             mean, low, high = band(table, np.random.default_rng(0))
-            episode = np.arange(1, mean.size + 1)
+            episode = each * np.arange(mean.size) + (each + 1) / 2
             axes.fill_between(episode, low, high, color=colour, alpha=0.2, linewidth=0)
-            axes.plot(episode, mean, color=colour, linestyle=dashes, linewidth=1.4 if mean.size <= 50 else 0.9)
-            ends[name] = float(episode[-1]), float(mean[-max(1, mean.size // 20) :].mean())
+            axes.plot(episode, mean, color=colour, linestyle=dashes)
+            ends[name] = float(episode[-1]), float(mean[-1])
         axes.set(title=title, xlabel="episode", xlim=(1, None))
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         if log:
             axes.set_yscale("log")
             _plain_log(axes, "y")
@@ -145,6 +148,7 @@ class Column(NamedTuple):
     """A column of a forest plot: intervals by row, what they are, and what they are held against.
 
     also: a second estimate of each row, drawn as a bar across. text: how numbers are written beside a single column.
+    more: more is better.
     """
 
     label: str
@@ -152,7 +156,13 @@ class Column(NamedTuple):
     reference: float | None = None
     log: bool = False
     also: Mapping[str, float] | None = None
-    text: str = "{:.0f}"
+    text: str = ".0f"
+    more: bool = False
+
+    def mark(self, found: Interval) -> tuple[str, str, str]:
+        """Shape, edge and face of an interval."""
+        where = "below" if self.reference is None else side(found, self.reference)
+        return _MARKS["open" if where == "open" else "bad" if (where == "above") != self.more else "good"]
 
 
 @_styled
@@ -166,21 +176,20 @@ def forest(*columns: Column, notes: Mapping[str, str] | None = None, height: flo
             if row not in column.intervals:
                 continue
             found = column.intervals[row]
-            shape, edge, face = _MARKS["below" if column.reference is None else side(found, column.reference)]
+            shape, edge, face = column.mark(found)
             axes.hlines(place, found.low, found.high, color=edge, linewidth=1.6)
             axes.plot(found.value, place, shape, color=edge, markerfacecolor=face, markersize=4.5)
             if column.also and row in column.also:
                 axes.plot(column.also[row], place, "|", color=INK, markersize=8, markeredgewidth=1.2)
             if len(columns) == 1:
-                numbers = " ".join(column.text.format(end) for end in found[1:]).replace(" ", ", ")
-                text = (notes or {}).get(row, f"{column.text.format(found.value)} [{numbers}]")
+                text = (notes or {}).get(row, f"{found:{column.text}}")
                 axes.text(1.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
         if column.reference is not None:
             axes.axvline(column.reference, color=INK, linestyle=(0, (5, 2)), linewidth=0.8, zorder=0)
         axes.set(xlabel=column.label, ylim=(len(rows) - 0.4, -0.6))
         if column.log:
             axes.set_xscale("log")
-            _plain_log(axes, "x")
+            _plain_log(axes, "x", narrow=len(columns) > 1)
         axes.grid(axis="y", color=GREY, alpha=0.25, linewidth=0.5)
         axes.tick_params(axis="y", length=0)
     grid[0].set_yticks(range(len(rows)), rows)
@@ -265,7 +274,7 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
         axes.plot(ordered, share, color=colour, linestyle=dashes)
         height = 45 + 18 * place
         at = float(np.quantile(error, height / 100))
-        axes.annotate(name, (at, height), (5, -2), textcoords="offset points", color=colour, va="top")
+        axes.annotate(name, (at, height), (6, -2), textcoords="offset points", color=colour, va="top", bbox=_GROUND)
     axes.axvline(band_width, color=INK, linestyle=(0, (5, 2)), linewidth=0.8)
     axes.annotate("$\\psi_{upper}-\\psi_{lower}$", (band_width, 4), (4, 0), textcoords="offset points")
     axes.set(
@@ -296,6 +305,9 @@ def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room, label:
 # --- Parts ------------------------------------------------------------------------------------------------------------
 
 
+_GROUND = {"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
+
+
 def _label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Sequence[str]) -> None:
     """Names of curves to the right of their ends, moved apart where they would overlap."""
     axes.figure.canvas.draw()
@@ -316,9 +328,13 @@ def _label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Se
         )
 
 
-def _plain_log(axes: Axes, which: str) -> None:
-    """A logarithmic axis with 10, 20, 50, 100 written out."""
+def _plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
+    """A logarithmic axis with 10, 20, 50, 100 written out, and more where it is short."""
     axis = axes.yaxis if which == "y" else axes.xaxis
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    low, high = axis.get_view_interval()
+    wide = bool(high > (20 if narrow else 8) * low)
+    steps = ((1, 2, 5), (1, 3)) if narrow else ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 2, 5))
+    axis.set_major_locator(LogLocator(subs=steps[wide]))
+    axis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))) if wide or narrow else NullLocator())
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())

@@ -31,7 +31,7 @@ PLOTS = {
     "forest of columns": lambda: study_figures.forest(
         Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)
     ),
-    "forest, log": lambda: study_figures.forest(Column("steps", SHARES, log=True, text="{:.2f}")),
+    "forest, log": lambda: study_figures.forest(Column("steps", SHARES, log=True, text=".2f")),
     "heat map": lambda: study_figures.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
     "marginals": lambda: study_figures.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: study_figures.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
@@ -56,6 +56,8 @@ def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_pat
 def test_an_interval_is_marked_by_the_side_of_the_reference_on_which_all_of_it_lies():
     (axes,) = study_figures.forest(Column("difference", FOUND, 0.0)).axes
     assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["s", "D", "o"]
+    (axes,) = study_figures.forest(Column("success", FOUND, 0.0, more=True)).axes
+    assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["o", "D", "s"]
 
 
 def test_names_at_the_ends_of_curves_do_not_overlap():
