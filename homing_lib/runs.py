@@ -10,6 +10,8 @@ import json
 import logging
 import platform
 import signal
+import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -172,15 +174,19 @@ _Result = tuple[Settings, int, Run | Columns, dict[str, str]]
 
 
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
-    # Workers whose parent was killed go after these seconds.
+    # Workers whose parent was killed go when they have idled so long, in seconds, and half a minute later.
     parallel = joblib.Parallel(min(workers, len(todo)), return_as="generator_unordered", idle_worker_timeout=5)
     # Ctrl-C reaches workers too, and they need not say so, their parent does: they inherit from it, from their first
-    # moment, that the signal waits.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # moment, to ignore the signal. (To block it would not do: multiprocessing unblocks it.)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main_thread else None
     try:
         results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if in_main_thread:
+            signal.signal(signal.SIGINT, before)
+    # Nor need joblib say, after that, what was not finished.
+    warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
     try:
         yield from results
     except BrokenProcessPool:
