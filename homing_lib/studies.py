@@ -421,8 +421,14 @@ SHORTEST = Study(
 )
 
 
+STORED = (HEADLINE, LAMBDA, LATTICE_RUNS, LATTICE_VIEWS, CALIBRATION)
+"""Studies whose results stand under data/."""
+
+BY_NAME_ONLY = (LAMBDA_MAP, PRINTED, PARTS, AFTER, ROOMS, LONG, REFERENCES, SHORTEST)
+"""Studies that `homing sweep NAME` runs, and nothing is concluded from yet."""
+
+
 def in_order() -> Iterator[Study]:
-    """All studies; the last needs the table of the one before it."""
-    yield from (HEADLINE, LAMBDA, LAMBDA_MAP, PRINTED, PARTS, AFTER, ROOMS, LONG, REFERENCES, SHORTEST)
-    yield from (LATTICE_RUNS, LATTICE_VIEWS, CALIBRATION)
+    """The studies that `make data` keeps; the last needs the table of the one before it."""
+    yield from STORED
     yield finalists()
