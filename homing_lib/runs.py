@@ -156,8 +156,9 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
         remove_leftovers(folder)
     before = _read_manifest(study)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
-    if todo:
+    if force:
         _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
+    if todo:
         for settings in study.conditions.values():
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
