@@ -1,0 +1,326 @@
+"""The studies ask what they say, their measures are what their columns say, and their stored data are theirs."""
+
+import re
+from collections import Counter
+from contextlib import suppress
+from math import pi
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from homing_lib import atlas, runs, studies
+from homing_lib.agent import STEP_COLUMNS, RandomAgent, Run, run, run_episode
+from homing_lib.environment import HomingEnv
+from homing_lib.robot import Pose, drive
+from homing_lib.rooms import PAPER
+from homing_lib.runs import DATA, load_table
+from homing_lib.settings import Settings, UserError
+from homing_lib.studies import EPISODE_COLUMNS, Kidnapped, episode_table
+from tests.kills import SMALL
+
+STUDIES = []
+with suppress(UserError):  # the last needs a table, and its tests say so
+    for study in studies.known():
+        STUDIES.append(study)
+TABLES = [study for study in STUDIES if study.measure and study.table.exists()]
+COARSE = Settings(
+    images="atlas", image_size=16, atlas_spacing_m=0.05, atlas_heading_deg=30, survey_steps=300, max_steps=200
+)
+
+each = pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+each_table = pytest.mark.parametrize("study", TABLES, ids=lambda study: study.name)
+
+
+# What is asked
+
+
+def test_studies_have_different_names_and_each_its_reason():
+    assert len({study.name for study in STUDIES}) == len(STUDIES)
+    assert all(len(study.reason) > 30 for study in STUDIES)
+
+
+def test_calibration_and_its_finalists_use_seeds_below_100_none_twice_and_what_is_judged_none_below_1000():
+    searched = [studies.CALIBRATION, studies.finalists()]
+    seeds = [seed for study in searched for seed in study.seeds]
+    assert sorted(seeds) == list(range(100))
+    judged = [study for study in STUDIES if study not in searched]
+    assert len(judged) == len(STUDIES) - 2
+    assert all(min(study.seeds) >= 1000 for study in judged)
+    assert all(len(set(study.seeds)) == len(study.seeds) for study in STUDIES)
+
+
+@each
+def test_conditions_differ_but_for_a_reading_of_the_print_that_is_the_default(study):
+    labels = {}
+    for label, settings in study.conditions.items():
+        labels.setdefault(settings.digest, []).append(label)
+    shared = [same for same in labels.values() if len(same) > 1]
+    assert shared == ([["default", "E4 alpha_0 of the text"]] if study is studies.PRINTED else [])
+
+
+@each
+def test_every_condition_survives_being_written_down(study):
+    for settings in study.conditions.values():
+        assert Settings(**settings.model_dump()) == settings
+
+
+def test_every_error_of_the_print_that_is_a_setting_is_tried():
+    tried = {label.split(" ")[0] for label in studies.AS_PRINTED}
+    assert tried == {"E3", "E4", "E5", "E9", "E12", "E13", "E18", "E19", "E20", "theta_0"}
+    for label, changes in studies.AS_PRINTED.items():
+        condition = studies.PRINTED.conditions[label]
+        assert condition == Settings(images="atlas").with_changes(**changes)
+
+
+def test_the_defaults_are_the_calibrations_winner():
+    winner = studies.calibration_score(load_table(studies.finalists())).index[0]
+    assert studies.finalists().conditions[winner].with_changes(images="camera") == Settings()
+
+
+def test_the_calibrations_score_is_the_mean_of_episodes_11_to_20_and_a_diverged_episode_counts_as_the_step_cap():
+    episode = np.tile(np.arange(1.0, 21), 2)
+    steps = np.concatenate([np.where(np.arange(20) < 10, 500, 40.0), np.where(np.arange(20) < 15, 30, np.nan)])
+    table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "episode": episode, "steps": steps})
+    assert list(studies.calibration_score(table).items()) == [("good", 40), ("diverges", (5 * 30 + 5 * 2000) / 10)]
+
+
+# What is kept of a run
+
+
+def test_the_table_of_a_run_is_what_one_works_out_by_hand():
+    home = PAPER.home
+    steps = np.array(
+        [  # x, y, heading, action, reward, similarity, delta, lambda, clipped, change, at_wall
+            (0.10, 0.20, 0.0, 2, -1.0, 0.5, 3.0, 0.50, 1, 0.25, 0),
+            (home.x, home.y - 0.4, home.heading + pi / 2, 0, -0.5, 0.6, 2.0, 0.25, 0, 0.50, 1),
+            (home.x - 0.3, home.y + 0.4, home.heading - 0.75 * pi, 1, 1.5, 0.9, 1.0, 0.0, 0, 2.0, 0),
+        ]
+    )
+    result = Run(Settings(episodes=4), 7, steps, np.array([2, 1]), np.array([False, True]), diverged=3)
+    nan = np.nan
+    expected = {
+        "episode": [1, 2, 3, 4],
+        "steps": [2, 1, nan, nan],
+        "reached": [0, 1, nan, nan],
+        "return": [-1.5, 1.5, nan, nan],
+        "change": [0.75, 2, nan, nan],
+        "lambda": [0.375, 0, nan, nan],
+        "clipped": [0.5, 0, nan, nan],
+        "at_wall": [0.5, 0, nan, nan],
+        "distance_m": [0.4, 0.5, nan, nan],
+        "angle_deg": [90, 135, nan, nan],
+        "diverged": [0, 0, 1, 1],
+    }
+    table = episode_table(result)
+    assert tuple(table) == EPISODE_COLUMNS
+    for name, values in expected.items():
+        np.testing.assert_allclose(table[name], values, rtol=1e-12, err_msg=name)
+
+
+def test_a_run_that_diverged_in_its_first_episode_has_all_its_rows():
+    nothing = np.empty((0, len(STEP_COLUMNS)))
+    table = episode_table(Run(Settings(episodes=2), 0, nothing, np.array([], int), np.array([], bool), diverged=1))
+    assert list(table["episode"]) == [1, 2]
+    assert list(table["diverged"]) == [1, 1]
+    assert all(np.isnan(table[name]).all() for name in EPISODE_COLUMNS if name not in ("episode", "diverged"))
+
+
+def test_a_kidnapped_robot_drives_the_stated_number_of_steps_undisturbed_and_the_next_from_elsewhere():
+    elsewhere = Pose(0.6, 0.7, 1.0)
+
+    def poses(kidnapper):
+        with HomingEnv(SMALL.with_changes(max_steps=6), observation="features") as env:
+            env.reset(seed=0)
+            steps, _ = run_episode(kidnapper(env), RandomAgent(SMALL, np.random.default_rng(1)))
+            moves = [env.settings.wheel_commands_m[int(action)] for action in steps[:, 3]]
+            there, _ = drive(elsewhere, *moves[3], SMALL.wheel_base_m, env.world.clearance)
+        return steps[:, :3], there
+
+    alone, _ = poses(lambda env: env)
+    kidnapped, there = poses(lambda env: Kidnapped(env, 3, elsewhere))
+    np.testing.assert_array_equal(kidnapped[:3], alone[:3])
+    np.testing.assert_allclose(kidnapped[3], there, rtol=0, atol=1e-9)
+    assert not np.allclose(kidnapped[3], alone[3])
+
+
+def test_a_robot_is_kidnapped_in_every_episode():
+    elsewhere = Pose(0.6, 0.7, 1.0)
+    with HomingEnv(SMALL.with_changes(max_steps=4), observation="features") as env:
+        env.reset(seed=0)
+        kidnapped = Kidnapped(env, 2, elsewhere)
+        agent = RandomAgent(SMALL, np.random.default_rng(1))
+        for _ in range(2):
+            steps, _ = run_episode(kidnapped, agent)
+            assert np.hypot(*(steps[2, :2] - elsewhere[:2])) < 0.07 < np.hypot(*(steps[1, :2] - elsewhere[:2]))
+
+
+def test_trials_begin_everywhere_and_where_a_kidnapper_says_and_in_other_light(monkeypatch):
+    monkeypatch.setattr(studies, "TRIAL_STEPS", 10)
+    few = list(range(3))
+    monkeypatch.setattr(studies, "starts_everywhere", lambda env: [Pose(0.2, 0.5, float(k)) for k in few])
+    table = studies.trials(SMALL, 0)
+    rows = list(zip(*table.values(), strict=True))
+    assert tuple(table) == ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
+    assert Counter((row[0], row[-1]) for row in rows) == {(0, 1): 3, (1, 1): 40, (0, 0.8): 40, (0, 1.2): 40}
+    assert [row[1:4] for row in rows[:3]] == [(0.2, 0.5, k) for k in few]
+    at_once = {row[1:4] for row in rows if row[0] == 1}
+    assert at_once == {row[1:4] for row in rows if row[-1] == 0.8} == {row[1:4] for row in rows if row[-1] == 1.2}
+    for kidnapped, *_, steps, reached, _ in rows:
+        assert steps <= 10 - 8 * kidnapped
+        assert reached or steps == 10 - 8 * kidnapped
+
+
+def test_trials_of_a_run_that_diverged_keep_one_row_without_numbers():
+    table = studies.trials(SMALL.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9, max_steps=400), 0)
+    assert all(len(values) == 1 and np.isnan(values).all() for values in table.values())
+
+
+def test_starts_cover_the_room_where_the_robot_fits():
+    with HomingEnv(SMALL) as env:
+        starts = list(studies.starts_everywhere(env))
+        assert all(env.world.clearance(*pose[:2]) >= 0 for pose in starts)
+    places = Counter(pose[:2] for pose in starts)
+    assert set(places.values()) == {8}
+    assert len({round(pose.heading, 6) for pose in starts}) == 8
+    for low, high, size in zip(np.min(list(places), 0), np.max(list(places), 0), PAPER.size, strict=True):
+        assert low < 0.1
+        assert high > size - 0.16
+
+
+# The shortest way
+
+
+def plane(home, **changes):
+    """An endless plane: home is seen wherever `home` says of a pose."""
+    return SimpleNamespace(
+        settings=Settings(**changes),
+        room=SimpleNamespace(start=Pose(0.21, 0.51, 0.0)),
+        world=SimpleNamespace(clearance=lambda x, y: 1.0, histogram=lambda pose: np.full(3, float(home(pose)))),
+        model=SimpleNamespace(features=lambda histogram: histogram),
+    )
+
+
+def test_straight_ahead_the_shortest_way_is_the_distance_by_the_step():
+    assert studies._search(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
+    assert studies._search(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
+
+
+def test_an_about_turn_takes_the_angle_by_the_turn_and_no_way_takes_more_than_the_cap():
+    away = plane(lambda pose: abs(pose.heading) > pi - 0.01, turn_deg=20.0)
+    assert studies._search(away) == 9
+    assert np.isnan(studies._search(plane(lambda pose: False, max_steps=4)))
+
+
+def test_a_wall_is_not_driven_through():
+    def behind(pose):
+        return pose.x >= 0.40
+
+    around = plane(behind, forward_m=0.04, turn_deg=30.0, turn_advance_m=0.03)
+    straight = studies._search(around)
+    around.world.clearance = lambda x, y: max(abs(x - 0.31) - 0.005, abs(y - 0.51) - 0.1)
+    assert straight == 5
+    assert 5 < studies._search(around) < 20
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """Settings whose atlas is built in a moment, and stored apart."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(atlas, "FOLDER", tmp_path_factory.mktemp("atlas"))
+        yield COARSE
+
+
+def test_no_episode_is_shorter_than_the_shortest_way(coarse):
+    for seed in (1000, 1001):
+        least = studies.shortest(coarse, seed)["steps"]
+        learnt = run(coarse, seed)
+        assert least.shape == (1,)
+        assert learnt.reached.any()
+        assert least[0] <= learnt.lengths[learnt.reached].min()
+
+
+def test_views_compare_the_camera_with_the_atlas(coarse):
+    table = studies.views(coarse, 0)
+    assert tuple(table) == ("x", "y", "heading", "camera", "atlas")
+    assert all(values.shape == (400,) for values in table.values())
+    camera, looked_up = table["camera"], table["atlas"]
+    assert ((camera > 0) & (camera <= 1) & (looked_up > 0) & (looked_up <= 1)).all()
+    assert np.corrcoef(camera, looked_up)[0, 1] > 0.5
+
+
+# What is stored
+
+
+def test_data_readme_names_every_column_of_every_measure(coarse):
+    text = (DATA / "README.md").read_text()
+    sections = {part.split("\n", 1)[0]: set(re.findall(r"`([^`]+)`", part)) for part in text.split("\n## ")}
+    columns = {
+        "Episodes": EPISODE_COLUMNS,
+        "Trials (`after`)": ("kidnapped", "x", "y", "heading", "steps", "reached", "light"),
+        "Views (`lattice-views`) and shortest ways (`shortest`)": ("x", "y", "heading", "camera", "atlas", "steps"),
+        "Steps (`headline/`)": STEP_COLUMNS,
+    }
+    for section, names in columns.items():
+        assert set(names) <= sections[section], section
+    measures = {study.measure for study in STUDIES}
+    assert measures == {None, studies.episodes, studies.trials, studies.views, studies.shortest}
+
+
+@each_table
+def test_a_stored_table_is_of_its_study_as_it_stands_and_complete(study):
+    table = load_table(study)
+    rows = table.groupby(["condition", "seed"], observed=True).size()
+    assert len(rows) == len(study.conditions) * len(study.seeds)
+    if study.measure is studies.episodes:
+        assert tuple(table)[2:] == EPISODE_COLUMNS
+        assert all(rows[label].eq(settings.episodes).all() for label, settings in study.conditions.items())
+        finished = table.diverged == 0
+        assert table.steps.notna().eq(finished).all()
+        cap = table.condition.map({label: settings.max_steps for label, settings in study.conditions.items()})
+        cut = finished & (table.reached == 0)
+        assert (table.steps[cut] == cap[cut].astype(float)).all()
+
+
+def test_all_data_together_are_small():
+    assert sum(file.stat().st_size for file in DATA.rglob("*") if file.is_file()) < 20e6
+
+
+def recomputed_as_stored(study, label, seed):
+    """Whether a run gives the rows that are stored of it, to 32-bit precision."""
+    table = load_table(study)
+    rows = table[(table.condition == label) & (table.seed == seed)]
+    for name, values in study.measure(study.conditions[label], seed).items():
+        with np.errstate(over="ignore"):
+            np.testing.assert_allclose(rows[name], values.astype(np.float32), rtol=1e-6, atol=1e-6, err_msg=name)
+
+
+def sample(tables, count, longest=np.inf):
+    """Runs drawn at random among those of at most so many steps."""
+    drawn = []
+    rng = np.random.default_rng(2014)
+    for study in tables:
+        steps = load_table(study).groupby(["condition", "seed"], observed=True).steps.sum()
+        short = steps[steps <= longest].index
+        drawn += [(study, *short[int(i)]) for i in rng.choice(len(short), count, replace=False)]
+    return drawn
+
+
+def test_a_random_sample_of_the_headline_is_the_same_when_computed_again():
+    study = studies.HEADLINE
+    stored = [(one, label) for label, results in runs.load_study(study).items() for one in results]
+    stored = [(one, label) for one, label in stored if one.lengths.sum() < 3000]
+    one, label = stored[int(np.random.default_rng(2014).integers(len(stored)))]
+    assert runs.compare(one, run(study.conditions[label], one.seed)) in ("to the bit", "within tolerance")
+
+
+def test_a_random_sample_of_the_runs_with_the_camera_is_the_same_when_computed_again():
+    for study, label, seed in sample([studies.LAMBDA], 2, longest=2500):
+        recomputed_as_stored(study, label, seed)
+
+
+@pytest.mark.slow
+def test_a_random_sample_of_every_table_is_the_same_when_computed_again():
+    for study, label, seed in sample(TABLES, 2):
+        recomputed_as_stored(study, label, seed)

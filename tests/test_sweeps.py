@@ -1,0 +1,301 @@
+"""A sweep may be stopped, killed, doubled and damaged at any moment: what it stores in the end is the same."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+
+from homing_lib import runs, studies
+from homing_lib.agent import run
+from homing_lib.runs import load_study, load_table, path_of, sweep
+from homing_lib.settings import UserError
+from tests import kills
+from tests.kills import SMALL, STUDY, contents, end, last_line, leftovers, start, undisturbed, workers_of, written
+
+FEW = replace(STUDY, seeds=range(3))
+WHOLE_RUNS = replace(FEW, measure=None)
+GOES_ON = "what was finished is kept, the same command goes on from there"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """No test reads or writes the project's own data."""
+    monkeypatch.setattr(runs, "DATA", tmp_path / "data")
+    monkeypatch.setattr(runs, "SCRATCH", tmp_path / "scratch")
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What `STUDY` stores if nobody disturbs it."""
+    return undisturbed(tmp_path_factory.mktemp("undisturbed"))
+
+
+def refusal(function, *arguments):
+    """The one line with which a call is refused."""
+    with pytest.raises(UserError) as error:
+        function(*arguments)
+    line = str(error.value)
+    assert "\n" not in line
+    return line
+
+
+def wait_for(what, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def lives(process):
+    return psutil.pid_exists(process) and psutil.Process(process).status() != psutil.STATUS_ZOMBIE
+
+
+# Killed, doubled, interrupted
+
+
+def test_kills_at_random_moments_lose_nothing(tmp_path):
+    """The whole hundred: `python -m tests.kills`."""
+    assert kills.torment(tmp_path, 5)["kills"] == 5
+
+
+def test_of_three_sweeps_at_once_one_is_killed_and_the_others_end_with_the_same_bytes(here, whole):
+    sweeps = [start(here, "--workers", "1") for _ in range(3)]
+    try:
+        wait_for(lambda: written(here))
+        sweeps[0].kill()
+        for process in sweeps[1:]:
+            _, errors = process.communicate(timeout=120)
+            assert process.returncode == 0, errors
+    finally:
+        for process in sweeps:
+            end(process)
+    assert contents(here) == whole
+
+
+@pytest.mark.slow
+def test_the_workers_of_a_killed_parent_go_by_themselves_within_a_minute(here):
+    process = start(here, "--workers", "2")
+    try:
+        wait_for(lambda: len(workers_of(process)) == 2)
+        orphans = workers_of(process)
+        process.kill()
+        wait_for(lambda: not any(lives(orphan) for orphan in orphans), seconds=60)
+    finally:
+        end(process)
+
+
+def test_an_interrupt_while_workers_still_start_is_answered_in_one_line_and_by_nobody_else(here):
+    process = start(here, "--workers", "2")
+    try:
+        wait_for(lambda: len(workers_of(process)) == 2)
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        end(process)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert last_line(errors) == f"homing: interrupted; {GOES_ON}"
+
+
+def test_what_a_killed_process_was_writing_is_cleared_away_but_nothing_that_one_alive_writes(here):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for study in (FEW, WHOLE_RUNS):
+        study.folder.mkdir(parents=True)
+        names = [f".{place}.{pid}.part" for place in ("a-1.npz", "a.parquet") for pid in (gone.pid, os.getpid(), 1)]
+        for name in (*names, ".notes.part", "mine.part"):
+            (study.folder / name).write_bytes(b"half")
+        sweep(study, workers=1)
+        left = sorted(path.name for path in study.folder.glob("*.part"))
+        assert left == sorted(
+            [*(name for name in names if str(gone.pid) not in name.split(".")), ".notes.part", "mine.part"]
+        )
+
+
+# A full disk
+
+
+def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is_kept(here):
+    order = FEW.jobs()
+    place = path_of(FEW.folder, *order[3])
+    FEW.folder.mkdir(parents=True)
+    part = place.with_name(f".{place.name}.{os.getpid()}.part")
+    part.symlink_to("/dev/full")
+    assert refusal(lambda: sweep(FEW, workers=1)) == f"{place}: cannot be written (No space left on device)"
+    assert set(written(here)) == {path_of(FEW.folder, *job) for job in order[:3]}
+    assert not leftovers(here)
+    assert sweep(FEW, workers=1) == 3
+    assert len(load_table(FEW)) == 6 * SMALL.episodes
+
+
+def test_a_disk_that_is_full_when_the_table_is_written_keeps_the_runs(here):
+    FEW.table.parent.mkdir(parents=True)
+    FEW.table.with_name(f".{FEW.table.name}.{os.getpid()}.part").symlink_to("/dev/full")
+    assert refusal(lambda: sweep(FEW, workers=1)) == f"{FEW.table}: cannot be written (No space left on device)"
+    assert sweep(FEW, workers=1) == 0
+    assert len(load_table(FEW)) == 6 * SMALL.episodes
+
+
+# Damaged
+
+
+@pytest.fixture
+def stored(here):
+    """A study that is complete, and its bytes."""
+    sweep(FEW, workers=1)
+    return contents(here)
+
+
+def test_a_run_that_is_damaged_in_mid_sweep_is_named_with_the_remedy_which_helps(here, monkeypatch):
+    first = path_of(FEW.folder, *FEW.jobs()[0])
+    store = runs._store
+
+    def damaging(study, settings, seed, *result):
+        store(study, settings, seed, *result)
+        if seed == 2:
+            first.write_bytes(first.read_bytes()[:-9])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(runs, "_store", damaging)
+        line = refusal(lambda: sweep(FEW, workers=1))
+    assert line.startswith(f"{first}: damaged file (")
+    assert line.endswith("); delete it, and `make data` computes it anew")
+    assert not FEW.table.exists()
+    first.unlink()
+    assert sweep(FEW, workers=1) == 1
+    assert len(load_table(FEW)) == 6 * SMALL.episodes
+
+
+def test_a_table_that_somebody_edited_is_refused_with_the_remedy_which_helps(here, stored):
+    table = pd.read_parquet(FEW.table)
+    table.loc[0, "steps"] += 1
+    table.to_parquet(FEW.table)
+    for function in (load_table, sweep):
+        assert refusal(function, FEW) == (
+            f"{FEW.table}: damaged file (its content is not what its manifest says); "
+            "delete it, and `make data` computes it anew"
+        )
+    FEW.table.unlink()
+    assert sweep(FEW, workers=1) == 0
+    assert contents(here) == stored
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"sha256": "0"}', "\x00" * 9])
+def test_a_damaged_manifest_is_refused_with_the_remedy_which_helps(content, here, stored):
+    manifest = FEW.table.with_suffix(".json")
+    manifest.write_text(content)
+    for function in (load_table, sweep):
+        line = refusal(function, FEW)
+        assert line.startswith(f"{manifest}: damaged file (")
+        assert line.endswith("); delete it, and `make data` computes it anew")
+    manifest.unlink()
+    assert refusal(load_table, FEW).startswith(f"{FEW.table}: missing, or of an older version of this study; ")
+    assert sweep(FEW, workers=1) == 0
+    assert contents(here) == stored
+
+
+def test_a_manifest_that_does_not_vouch_for_the_table_is_not_taken_for_one_that_does(here, stored):
+    manifest = FEW.table.with_suffix(".json")
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"sha256": {}}))
+    assert refusal(load_table, FEW).startswith(f"{FEW.table}: missing, or of an older version of this study; ")
+    assert sweep(FEW, workers=1) == 0
+    assert load_table(FEW).equals(pd.read_parquet(FEW.table))
+
+
+def test_a_complete_run_that_is_not_what_the_manifest_says_is_refused(here):
+    sweep(WHOLE_RUNS, workers=1)
+    (settings, seed), *_ = WHOLE_RUNS.jobs()
+    path = path_of(WHOLE_RUNS.folder, settings, seed)
+    result = runs.load(path)
+    runs.save(replace(result, steps=result.steps + 1), path)
+    for function in (load_study, sweep):
+        assert refusal(function, WHOLE_RUNS).startswith(f"{path}: damaged file (its content is not what its manifest")
+
+
+# Changed
+
+
+def test_a_study_with_further_seeds_computes_those_and_keeps_the_others(here, stored):
+    before = written(here)
+    longer = replace(FEW, seeds=range(4))
+    assert refusal(load_table, longer).startswith(f"{FEW.table}: missing, or of an older version of this study; ")
+    assert sweep(longer, workers=1) == 2
+    assert before.items() <= written(here).items()
+    assert sorted(load_table(longer).seed.unique()) == [0, 1, 2, 3]
+
+
+def test_a_condition_that_changed_is_computed_anew_though_its_label_did_not(stored):
+    changed = replace(FEW, conditions={**FEW.conditions, "form 2": SMALL.with_changes(max_steps=30)})
+    assert sweep(changed, workers=1) == 3
+    assert load_table(changed).query("condition == 'form 2'").steps.max() <= 30
+
+
+def test_another_measure_of_the_same_runs_is_computed_anew(stored):
+    assert sweep(replace(FEW, measure=lengths), workers=1) == 6
+    assert list(load_table(replace(FEW, measure=lengths))) == ["condition", "seed", "length"]
+
+
+def lengths(settings, seed):
+    return {"length": run(settings, seed).lengths}
+
+
+def test_a_condition_under_two_labels_is_computed_once_and_in_the_table_twice():
+    twice = replace(FEW, conditions={"one": SMALL, "the same": SMALL})
+    assert sweep(twice, workers=1) == 3
+    table = load_table(twice)
+    one, other = (table[table.condition == label].drop(columns="condition") for label in ("one", "the same"))
+    pd.testing.assert_frame_equal(one.reset_index(drop=True), other.reset_index(drop=True))
+
+
+# What is kept
+
+
+def test_runs_that_diverge_and_episodes_that_are_cut_are_kept_and_counted():
+    wild = SMALL.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9, max_steps=400)
+    study = replace(FEW, conditions={"diverges": wild, "cut": SMALL.with_changes(max_steps=3)})
+    sweep(study, workers=1)
+    table = load_table(study)
+    assert len(table) == 2 * 3 * SMALL.episodes
+    diverged, cut = (table[table.condition == label] for label in study.conditions)
+    assert (diverged.diverged == 1).all()
+    assert diverged.drop(columns=["condition", "seed", "episode", "diverged"]).isna().all(axis=None)
+    assert list(diverged.episode) == 3 * [1, 2]
+    assert (cut.reached == 0).all()
+    assert (cut.steps == 3).all()
+    assert cut.notna().all(axis=None)
+
+
+def test_a_manifest_says_what_was_run_with_which_seeds_and_by_what(stored):
+    manifest = json.loads(FEW.table.with_suffix(".json").read_text())
+    assert manifest["seeds"] == [0, 1, 2]
+    assert manifest["measure"] == "episodes"
+    assert manifest["conditions"] == {label: settings.model_dump() for label, settings in FEW.conditions.items()}
+    assert manifest["made by"] == runs.MADE_BY
+    assert set(runs.MADE_BY) == {"numpy", "opencv-python-headless", "pybullet", "python", "homing_lib"}
+
+
+def test_a_manifest_names_every_library_that_made_a_part_of_the_table(monkeypatch):
+    sweep(replace(FEW, seeds=[0]), workers=1)
+    this = runs.MADE_BY["homing_lib"]
+    monkeypatch.setattr(runs, "MADE_BY", runs.MADE_BY | {"homing_lib": "0123456789ab"})
+    sweep(FEW, workers=1)
+    made_by = json.loads(FEW.table.with_suffix(".json").read_text())["made by"]
+    assert sorted(made_by["homing_lib"].split(", ")) == sorted([this, "0123456789ab"])
+    assert made_by["numpy"] == np.__version__
+
+
+def test_a_table_begins_with_condition_and_seed_and_is_in_the_order_of_the_study(stored):
+    table = load_table(FEW)
+    assert list(table) == ["condition", "seed", *studies.EPISODE_COLUMNS]
+    keys = list(zip(table.condition, table.seed, table.episode, strict=True))
+    assert keys == [(label, seed, episode) for label in FEW.conditions for seed in FEW.seeds for episode in (1, 2)]
+    assert {str(kind) for kind in table.dtypes[2:]} == {"float32"}
