@@ -45,6 +45,7 @@ _AMBIENT_OF_FULL_LIGHT = 1.0
 _BODY_HEIGHT_M = 0.03
 _COLOUR_SHARE = 0.35
 _PERSISTENCE = 0.4
+_LARGEST_CLEARANCE_M = 0.1
 _ROBOT_GROUP = 64
 """Bullet's collision group of the robot, beyond those that Bullet gives by itself: infra-red rays pass it by."""
 
@@ -66,7 +67,7 @@ class Arena:
         with tempfile.TemporaryDirectory() as folder:
             self._texture_folder = Path(folder)
             self._build()
-        self._obstacles = [body for body in self._colliders if body != self._robot]
+        self._obstacles = [(body, *self._surroundings(body)) for body in self._colliders if body != self._robot]
         self._projection = pybullet.computeProjectionMatrixFOV(settings.field_of_view_deg, 1.0, 0.005, 4.0)
         self._image_options = dict(
             shadow=0,
@@ -126,11 +127,18 @@ class Arena:
         pybullet.resetBasePositionAndOrientation(
             self._robot, (x, y, _BODY_HEIGHT_M / 2), (0.0, 0.0, 0.0, 1.0), physicsClientId=self._client
         )
-        nearest = 0.1
-        for obstacle in self._obstacles:
-            for point in pybullet.getClosestPoints(self._robot, obstacle, nearest, physicsClientId=self._client):
-                nearest = min(nearest, point[8])
+        nearest = _LARGEST_CLEARANCE_M
+        for obstacle, x0, y0, x1, y1 in self._obstacles:
+            if x0 <= x <= x1 and y0 <= y <= y1:
+                for point in pybullet.getClosestPoints(self._robot, obstacle, nearest, physicsClientId=self._client):
+                    nearest = min(nearest, point[8])
         return nearest
+
+    def _surroundings(self, obstacle: int) -> tuple[float, float, float, float]:
+        """x0, y0, x1, y1 of a rectangle outside which the body has its largest clearance from this obstacle."""
+        low, high = pybullet.getAABB(obstacle, physicsClientId=self._client)
+        reach = self.settings.body_diameter_m / 2 + _LARGEST_CLEARANCE_M + 0.01  # and Bullet's own margins
+        return low[0] - reach, low[1] - reach, high[0] + reach, high[1] + reach
 
     def infrared(self, pose: Pose) -> Array:
         """What the eight sensors read: metres from the body's edge to the nearest surface, at most their range."""
