@@ -301,9 +301,9 @@ def sample(tables, count, longest=np.inf):
     drawn = []
     rng = np.random.default_rng(2014)
     for study in tables:
-        steps = load_table(study).groupby(["condition", "seed"], observed=True).steps.sum()
-        short = steps[steps <= longest].index
-        drawn += [(study, *short[int(i)]) for i in rng.choice(len(short), count, replace=False)]
+        rows = load_table(study).groupby(["condition", "seed"], observed=True)
+        short = [of_run for of_run, row in rows if longest == np.inf or row.steps.sum() <= longest]
+        drawn += [(study, *short[i]) for i in rng.choice(len(short), count, replace=False)]
     return drawn
 
 
