@@ -144,7 +144,7 @@ def _verify(_: argparse.Namespace) -> None:
 def _sweep(options: argparse.Namespace) -> None:
     from homing_lib import runs, studies
 
-    for study in studies.known():
+    for study in studies.in_order():
         if study.name == options.study:
             done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
             print(f"{study.name}: {done} runs computed, {len(study.jobs())} stored")
@@ -155,7 +155,7 @@ def _sweep(options: argparse.Namespace) -> None:
 def _studies(_: argparse.Namespace) -> None:
     from homing_lib import studies
 
-    for study in studies.known():
+    for study in studies.in_order():
         print(f"{study.name:12} {len(study.conditions):3} conditions x {len(study.seeds):2} seeds  {study.reason}")
 
 

@@ -136,8 +136,9 @@ class Atlas:
 def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, workers: int = -1) -> Atlas:
     """The atlas of a room under these settings: loaded if a sound one is stored, else built, with progress.
 
-    It is stored under the hash of all that it depends on; a process keeps those that it has opened. Building may be
-    stopped at any time and goes on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core.
+    It is stored under the hash of all that it depends on; a process keeps those that it has opened. One of the same
+    room and settings by other code is outdated: it is named and replaced. Building may be stopped at any time and goes
+    on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core.
     """
     folder = folder or FOLDER
     about = {"room": room.name, "hash": digest(room, settings)}
@@ -146,11 +147,15 @@ def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, wo
         lattice = Lattice(room, settings)
         arrays = _read(path, about)
         if arrays is None:
-            for other in sorted({*folder.glob(f"{room.name}-*.npz")} - {path}):
-                _say(f"{other} is of another room, camera, lattice or code; {path.name} is built beside it")
+            asked, _ = about["hash"].split("-")
+            outdated = sorted({*folder.glob(f"{room.name}-{asked}-*.npz")} - {path})
+            for other in outdated:
+                _say(f"{other}: outdated file, of the room or the code as they were; it is built anew")
             with _alone(path):
                 # By now another process may have built it.
                 arrays = _read(path, about, quiet=True) or _build(path, about, room, settings, workers)
+            for other in outdated:
+                other.unlink(missing_ok=True)
         _opened[path] = Atlas(lattice, **arrays)
     return _opened[path]
 
@@ -159,16 +164,16 @@ _opened: dict[Path, Atlas] = {}
 
 
 def digest(room: Room, settings: Settings) -> str:
-    """Twelve hexadecimal digits over all that the bytes of an atlas depend on."""
+    """A hash over all that the bytes of an atlas depend on, in two parts: the settings; the room and the code."""
     made_by = (arena, features.bins_per_channel, features.histogram, Lattice, _axis, _render_block)
-    depends_on = (
+    asked = [getattr(settings, name) for name in _DEPENDS_ON]
+    given = (
         room,
         INFRARED_ANGLES_DEG,
-        [getattr(settings, name) for name in _DEPENDS_ON],
         [inspect.getsource(part) for part in made_by],
         [version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
     )
-    return hashlib.sha256(repr(depends_on).encode()).hexdigest()[:12]
+    return "-".join(hashlib.sha256(repr(part).encode()).hexdigest()[:8] for part in (asked, given))
 
 
 def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:

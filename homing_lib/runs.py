@@ -56,7 +56,7 @@ class Study:
 
     reason: why it is asked; conditions: settings by their labels; seeds: of every condition. measure: the table of one
     run; the study is stored as one table of all, data/<name>.parquet. Without it, the runs themselves are stored, with
-    every step, under data/<name>/.
+    every step, under data/<name>/. atlases: of further settings that the measure looks at.
     """
 
     name: str
@@ -64,6 +64,7 @@ class Study:
     conditions: Mapping[str, Settings]
     seeds: Sequence[int]
     measure: Callable[[Settings, int], Columns] | None = None
+    atlases: Sequence[Settings] = ()
 
     @property
     def folder(self) -> Path:
@@ -159,7 +160,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     if force:
         _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
     if todo:
-        for settings in study.conditions.values():
+        for settings in (*study.conditions.values(), *study.atlases):
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         results = _on_cluster(cluster, study, todo) if cluster else _on_cores(workers, study, todo)

@@ -100,7 +100,7 @@ def _swept(folder: Path, arguments: list[str]) -> int:
         return quick(path, content)
 
     Path.write_bytes = slow  # type: ignore[method-assign, assignment]
-    studies.known = lambda: iter([STUDY])
+    studies.in_order = lambda: iter([STUDY])
     with stored_in(folder):
         print("ready", flush=True)
         return main(["sweep", STUDY.name, *arguments])

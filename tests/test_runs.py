@@ -257,7 +257,7 @@ from homing_lib.settings import Settings
 runs.DATA = Path(sys.argv[1]) / "data"
 tiny = Settings(episodes=2, survey_steps=20, max_steps=10)
 study = runs.Study("tiny", "", {"form 2": tiny, "random": tiny.with_changes(controller="random")}, range(8))
-studies.known = lambda: [study]
+studies.in_order = lambda: [study]
 sys.exit(main(["sweep", "tiny", "--workers", sys.argv[2]]))
 """
 LONGER = replace(STUDY, seeds=range(8))
