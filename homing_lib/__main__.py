@@ -129,6 +129,8 @@ def _data(options: argparse.Namespace) -> None:
 
     for study in studies.in_order():
         runs.sweep(study, force=options.force)
+    if not studies.PAGE.exists() or studies.PAGE.read_text() != studies.page():
+        studies.PAGE.write_text(studies.page())
     if options.stamp:
         fingerprint = runs.fingerprint(studies.in_order()) + "\n"
         if not options.stamp.exists() or options.stamp.read_text() != fingerprint:

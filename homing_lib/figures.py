@@ -71,7 +71,7 @@ def save(figure: Figure, figures_dir: str | Path, name: str) -> None:
             part.unlink(missing_ok=True)
 
 
-def _styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
+def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
     @wraps(plot)
     def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with plt.rc_context(STYLE):
@@ -83,7 +83,7 @@ def _styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
 # --- The world --------------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
     """Figure 1: the snapshot of home and the histogram of each of its channels (eq. 11)."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 1.75))
@@ -102,7 +102,7 @@ def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def room_views(top: Image, from_home: Image, from_start: Image, room: Room, settings: Settings) -> Figure:
     """Figure 4: the room from above, with the robot at both ends of its way, and what it sees there."""
     width, depth = room.size
@@ -112,7 +112,7 @@ def room_views(top: Image, from_home: Image, from_start: Image, room: Room, sett
     _in_metres(plan, room)
     for name, pose, fill in (("home", room.home, "white"), ("start", room.start, SKY)):
         _field_of_view(plan, pose, settings)
-        _robot(plan, pose, settings.body_diameter_m, fill)
+        draw_robot(plan, pose, settings.body_diameter_m, fill)
         _note(plan, name, (pose.x, pose.y - 0.055), va="top", ha="center")
     for thing in room.objects:
         ahead, across = (thing.size[0] / 2, thing.size[1] / 2) if isinstance(thing, Box) else (0, thing.radius)
@@ -123,7 +123,7 @@ def room_views(top: Image, from_home: Image, from_start: Image, room: Room, sett
     return figure
 
 
-@_styled
+@styled
 def similarity_map(similarity: Array, room: Room, thresholds: Thresholds, body_m: float = 0.07) -> Figure:
     """Similarity to home over the room, at home's heading, shape (rows of y, columns of x); NaN where no robot fits."""
     width, depth = room.size
@@ -134,14 +134,14 @@ def similarity_map(similarity: Array, room: Room, thresholds: Thresholds, body_m
     rows, columns = similarity.shape
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
     axes.contour(x, y, similarity, levels=[thresholds.upper], colors="white", linewidths=1.2)
-    _floor_plan(axes, room)
+    draw_floor_plan(axes, room)
     _in_metres(axes, room)
-    _robot(axes, room.home, body_m, "white")
+    draw_robot(axes, room.home, body_m, "white")
     _note(axes, f"inside the white line:\nNRB ≥ {thresholds.upper:.4f}", (0.03, 0.03), va="bottom", ha="left")
     return figure
 
 
-@_styled
+@styled
 def similarity_by_heading(
     heading_deg: Array, similarity: Array, thresholds: Thresholds, fit: tuple[Array, str] | None = None
 ) -> Figure:
@@ -165,7 +165,7 @@ def similarity_by_heading(
 # --- The stopping rule ------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen: Mapping[int, float]) -> Figure:
     """Figure 3: both printed forms of the threshold against the multiplier, and how much one more changes them.
 
@@ -205,7 +205,7 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
     return figure
 
 
-@_styled
+@styled
 def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -> Figure:
     """Share of random poses that pass for home, by the reading of sigma^2; those in `selective` stand out."""
     figure = plt.figure(figsize=(0.8 * TEXT_WIDTH, 0.42 + 0.3 * len(shares)))
@@ -224,7 +224,7 @@ def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -
 # --- Homing -----------------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure:
     """Figure 5: ways over the floor plan. rows: titles and, a column each, a label and positions of shape (T, 2)."""
     columns = max(len(row) for row in rows.values())
@@ -234,10 +234,10 @@ def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure
     grid = np.atleast_2d(figure.subplots(len(rows), columns, squeeze=False))
     for axes_row, (title, row), colour in zip(grid, rows.items(), (ORANGE, BLUE) * len(rows), strict=False):
         for axes, (label, positions) in zip(axes_row, row, strict=False):
-            _floor_plan(axes, room)
+            draw_floor_plan(axes, room)
             way = np.vstack([room.start[:2], positions])
             axes.plot(way[:, 0], way[:, 1], color=colour, linewidth=0.6, alpha=0.9)
-            _robot(axes, room.home, 0.07, "white")
+            draw_robot(axes, room.home, 0.07, "white")
             axes.plot(*room.start[:2], "o", color=INK, markersize=3.5)
             axes.plot(*way[-1], "s", color="white", markeredgecolor=INK, markeredgewidth=0.8, markersize=4, zorder=5)
             axes.set_title(label, fontsize=6.5, pad=2, loc="center")
@@ -246,7 +246,7 @@ def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure
     return figure
 
 
-@_styled
+@styled
 def learning_curves(
     steps: Array,
     rewards: Array,
@@ -317,7 +317,7 @@ def learning_curves(
     return figure
 
 
-@_styled
+@styled
 def lambda_trace(lambda_: Array, clipped: Array, similarity: Array, thresholds: Thresholds) -> Figure:
     """Lambda at every step of an episode, and which values eq. (7) would have put outside [0, 1]."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.6))
@@ -346,7 +346,7 @@ def _picture(axes: Axes, image: Image, title: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _floor_plan(axes: Axes, room: Room) -> None:
+def draw_floor_plan(axes: Axes, room: Room) -> None:
     """Walls and what stands in the room."""
     axes.add_patch(patches.Rectangle((0, 0), *room.size, fill=False, edgecolor=INK, linewidth=1))
     for thing in room.objects:
@@ -367,7 +367,7 @@ def _in_metres(axes: Axes, room: Room) -> None:
     axes.set(xticks=np.arange(0, room.size[0], 0.25), yticks=np.arange(0, room.size[1] + 0.01, 0.25))
 
 
-def _robot(axes: Axes, pose: Pose, diameter: float, fill: str) -> None:
+def draw_robot(axes: Axes, pose: Pose, diameter: float, fill: str) -> None:
     radius = diameter / 2
     axes.add_patch(patches.Circle(pose[:2], radius, facecolor=fill, edgecolor=INK, linewidth=0.9, zorder=3))
     tip = pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)

@@ -5,22 +5,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from homing_lib import runs, studies
+from homing_lib import claims, runs, studies
 from homing_lib.agent import Run
+from homing_lib.claims import step_size_rates
 from homing_lib.environment import room_named
-from homing_lib.features import Array, bins_per_channel
-from homing_lib.policy import decrease_rate
+from homing_lib.features import bins_per_channel
 from homing_lib.robot import wrapped
 from homing_lib.settings import Settings
 from homing_lib.statistics import Interval, by_episode, interval, ratio
+from homing_lib.studies import WINDOW
 from homing_lib.thresholds import stopping_thresholds
-
-WINDOW = 5
-"""Episodes at each end that are compared: the first five with the last five."""
 
 WELL_BELOW = 0.75
 """A ratio of mean steps counts as "well below" if it is no larger than this and its interval excludes 1."""
@@ -100,11 +99,6 @@ def headline(learnt: Sequence[Run], random: Sequence[Run]) -> Headline:
     )
 
 
-def step_size_rates(settings: Settings) -> Array:
-    """Eq. (23): the step size of each episode as a share of alpha_0."""
-    return np.array([decrease_rate(episode, settings.first_episode) for episode in range(1, settings.episodes + 1)])
-
-
 @cache
 def stored_headline() -> Headline:
     """The headline of the runs stored under data/."""
@@ -135,9 +129,18 @@ def summary() -> str:
         f"{_ratio(h.of_random)}. The end is {h.verdict} both.",
         f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {h.runs} runs diverged.",
     ]
+    lines.append(f"Claims: {verdicts()}.")
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text().strip())
     return "\n".join(lines)
+
+
+def verdicts() -> str:
+    """Which claims got which verdict: "reproduced C3, C10; ..."."""
+    found: dict[str, list[str]] = {verdict: [] for verdict in get_args(claims.Verdict)}
+    for number in claims.CLAIMS:
+        found[claims.judge(number).verdict].append(f"C{number}")
+    return "; ".join(f"{verdict} {', '.join(numbers)}" for verdict, numbers in found.items() if numbers)
 
 
 # --- LaTeX --------------------------------------------------------------------------------------------------------
@@ -146,6 +149,9 @@ def summary() -> str:
 def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
     macros = numbers(stored_headline()) | {
+        "verdicts": _tex(verdicts()),
+        "judgedRuns": f"{len(studies.JUDGED)}",
+        "tableClaims": "\n".join(_table_of_claims()),
         "tableOne": "\n".join(_table_one()),
         "tableSettings": "\n".join(_table_of_the_others()),
     }
@@ -248,6 +254,13 @@ def _table_one() -> Iterator[str]:
             yield _row(_tex(symbol), _printed(field), ours.get(name, _shown(field.default)), text)
 
 
+def _table_of_claims() -> Iterator[str]:
+    """Rows: number, claim, verdict, effect."""
+    for number in claims.CLAIMS:
+        found = claims.judge(number)
+        yield _row(f"C{number}", found.claim, found.verdict, found.effect)
+
+
 def _table_of_the_others() -> Iterator[str]:
     """Rows of every other setting: name, printed, ours, source."""
     for name, field in Settings.model_fields.items():
@@ -317,4 +330,11 @@ def _escaped(text: str) -> str:
 
 
 _SPECIAL = {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
-_UNICODE = {"≥": r"$\geq$", "≤": r"$\leq$", "±": r"$\pm$", "×": r"$\times$", "²": r"\textsuperscript{2}"}
+_UNICODE = {
+    "≥": r"$\geq$",
+    "≤": r"$\leq$",
+    "±": r"$\pm$",
+    "×": r"$\times$",
+    "²": r"\textsuperscript{2}",
+    "λ": r"$\lambda$",
+}

@@ -18,11 +18,14 @@ from homing_lib.arena import Arena
 from homing_lib.environment import HomingEnv, free_pose, room_named
 from homing_lib.features import similarity
 from homing_lib.robot import Pose, drive, wrapped
-from homing_lib.runs import Columns, Study, load_table
+from homing_lib.runs import DATA, Columns, Study, load_table
 from homing_lib.settings import Settings
 from homing_lib.thresholds import stopping_thresholds
 
 JUDGED = range(1000, 1050)
+
+WINDOW = 5
+"""Episodes at each end of a run that are compared: the first five with the last five."""
 
 EPISODE_COLUMNS = (
     "episode",  # 1, 2, ...
@@ -430,3 +433,48 @@ def in_order() -> Iterator[Study]:
     yield from (HEADLINE, LAMBDA, LAMBDA_MAP, PRINTED, PARTS, AFTER, ROOMS, LONG, REFERENCES, SHORTEST)
     yield from (LATTICE_RUNS, LATTICE_VIEWS, CALIBRATION)
     yield finalists()
+
+
+PAGE = DATA / "STUDIES.md"
+"""All studies on one page."""
+
+
+def page() -> str:
+    """That page, in Markdown: of each study the reason, the seeds, what is kept, and the settings of its conditions."""
+    parts = [
+        "# The studies",
+        "Written by `make data` from [`homing_lib/studies.py`](../homing_lib/studies.py). A condition is the default "
+        "settings (`homing settings`), changed as stated.",
+    ]
+    for study in in_order():
+        seeds = f"{min(study.seeds)} to {max(study.seeds)}"
+        parts += [
+            f"## {study.name}",
+            study.reason,
+            f"Seeds {seeds}, {len(study.conditions)} conditions. Kept of a run: {study.measured}.",
+            _conditions(study),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _conditions(study: Study) -> str:
+    """The conditions of a study as a table; those of a large grid or search as the values that each setting takes."""
+    default = Settings().model_dump()
+    every = [settings.model_dump() for settings in study.conditions.values()]
+    taken = {name: sorted({values[name] for values in every}) for name in default}
+    shared = {name: values[0] for name, values in taken.items() if len(values) == 1 and values[0] != default[name]}
+    varied = {name: values for name, values in taken.items() if len(values) > 1}
+    if len(every) > _ROWS:
+        rows = ["| setting | values |", "|---|---|"]
+        rows += [f"| `{name}` | {', '.join(f'`{v}`' for v in values)} |" for name, values in varied.items()]
+    else:
+        rows = ["| condition | settings |", "|---|---|"]
+        for label, values in zip(study.conditions, every, strict=True):
+            changed = [f"`{name} = {values[name]}`" for name in varied if values[name] != default[name]]
+            rows.append(f"| {label} | {', '.join(changed) or 'as by default'} |")
+    common = ", ".join(f"`{name} = {value}`" for name, value in shared.items())
+    return "\n".join([f"All with {common}.\n"] * bool(common) + rows)
+
+
+_ROWS = 20
+"""More conditions than this are told by the values that their settings take."""

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from homing_lib.features import Array
-from homing_lib.figures import BLUE, GREEN, GREY, INK, ORANGE, SKY, TEXT_WIDTH, _floor_plan, _robot, _styled
+from homing_lib.figures import BLUE, GREEN, GREY, INK, ORANGE, SKY, TEXT_WIDTH, draw_floor_plan, draw_robot, styled
 from homing_lib.rooms import Room
 from homing_lib.statistics import Interval, band, side
 
@@ -37,7 +37,7 @@ _MARKS = {"good": ("o", BLUE, BLUE), "bad": ("s", ORANGE, ORANGE), "open": ("D",
 # --- A class's first encounter with lambda ---------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def trace_depth(traces: Mapping[str, Array]) -> Figure:
     """How much of each past step is left in the trace. traces: by rule, shape (steps, past steps), NaN for later."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.35))
@@ -53,7 +53,7 @@ def trace_depth(traces: Mapping[str, Array]) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str, int]) -> Figure:
     """How far TD-conj stands from conjugate gradient at each step: by form, without and with the reset to [0, 1].
 
@@ -78,7 +78,7 @@ def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str,
 # --- Curves -----------------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str, top: float) -> Figure:
     """A measure of runs against the step size. errors: by rule, shape (runs, step sizes); above `top`, not drawn."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 3.1))
@@ -104,7 +104,7 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     return figure
 
 
-@_styled
+@styled
 def curves(
     panels: Mapping[str, Mapping[str, Array]],
     ylabel: str,
@@ -165,12 +165,12 @@ class Column(NamedTuple):
         return _MARKS["open" if where == "open" else "bad" if (where == "above") != self.more else "good"]
 
 
-@_styled
-def forest(*columns: Column, notes: Mapping[str, str] | None = None, height: float = 0.19) -> Figure:
-    """Rows of intervals, in one column or several. notes: a remark to a row, in place of its numbers."""
+@styled
+def forest(*columns: Column, height: float = 0.19, shared: bool = False) -> Figure:
+    """Rows of intervals, in one column or several; shared: columns on the same scale."""
     rows = list(columns[0].intervals)
     figure = plt.figure(figsize=(TEXT_WIDTH, 0.75 + height * len(rows)))
-    grid = np.atleast_1d(figure.subplots(1, len(columns), sharey=True))
+    grid = np.atleast_1d(figure.subplots(1, len(columns), sharex=shared, sharey=True))
     for axes, column in zip(grid, columns, strict=True):
         for place, row in enumerate(rows):
             if row not in column.intervals:
@@ -182,7 +182,7 @@ def forest(*columns: Column, notes: Mapping[str, str] | None = None, height: flo
             if column.also and row in column.also:
                 axes.plot(column.also[row], place, "|", color=INK, markersize=8, markeredgewidth=1.2)
             if len(columns) == 1:
-                text = (notes or {}).get(row, f"{found:{column.text}}")
+                text = f"{found:{column.text}}"
                 axes.text(1.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
         if column.reference is not None:
             axes.axvline(column.reference, color=INK, linestyle=(0, (5, 2)), linewidth=0.8, zorder=0)
@@ -196,7 +196,7 @@ def forest(*columns: Column, notes: Mapping[str, str] | None = None, height: flo
     return figure
 
 
-@_styled
+@styled
 def heat_map(
     rows: Sequence[str], columns: Sequence[str], values: Array, notes: Mapping[tuple[int, int], str]
 ) -> Figure:
@@ -230,7 +230,7 @@ def heat_map(
 # --- Calibration ------------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, str], top: float) -> Figure:
     """Scores of the candidates by each of their choices, with the median; the value chosen stands out.
 
@@ -262,7 +262,7 @@ def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, s
 # --- Atlas ------------------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     """Cumulative shares of the error of the similarity, by lattice; band_width: between the two thresholds."""
     figure = plt.figure(figsize=(0.85 * TEXT_WIDTH, 2.6))
@@ -286,19 +286,36 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
 # --- After learning ---------------------------------------------------------------------------------------------------
 
 
-@_styled
+@styled
 def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room, label: str) -> Figure:
     """A number at each start, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.7), layout="compressed")
     grid = np.atleast_1d(figure.subplots(1, len(maps)))
     least = min(float(values.min()) for _, _, values in maps.values())
+    most = max(float(values.max()) for _, _, values in maps.values())
     for axes, (title, (x, y, values)) in zip(grid, maps.items(), strict=True):
-        _floor_plan(axes, room)
-        shown = axes.scatter(x, y, c=values, s=95, marker="s", vmin=least, vmax=values.max(), linewidth=0)
-        _robot(axes, room.home, 0.07, "white")
+        draw_floor_plan(axes, room)
+        shown = axes.scatter(x, y, c=values, s=95, marker="s", vmin=least, vmax=most, linewidth=0)
+        draw_robot(axes, room.home, 0.07, "white")
         axes.plot(*room.start[:2], "^", color="white", markeredgecolor=INK, markersize=5)
         axes.set(title=title, xticks=[], yticks=[])
         figure.colorbar(shown, ax=axes, label=label, shrink=0.8)
+    return figure
+
+
+@styled
+def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Figure:
+    """NRB of home under other light than that of the snapshot, shape (lights,) each, and where it still passes."""
+    figure = plt.figure(figsize=(TEXT_WIDTH, 2.2))
+    axes = figure.subplots()
+    axes.fill_between(light, 0, 1, where=similarity >= psi_upper, transform=axes.get_xaxis_transform(), color="0.92")
+    axes.plot(light, similarity, color=BLUE)
+    axes.axhline(psi_upper, color=INK, linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.annotate(
+        "$\\psi_{upper}$", (0.01, psi_upper), (0, 2), xycoords=("axes fraction", "data"), textcoords="offset points"
+    )
+    axes.annotate("passes", (1, 0.05), xycoords=axes.get_xaxis_transform(), ha="center")
+    axes.set(xlabel="brightness, as a share of that of the snapshot", ylabel="NRB of home", xlim=(light[0], light[-1]))
     return figure
 
 

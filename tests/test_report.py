@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from homing_lib import report
+from homing_lib import claims, report
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.settings import Settings, UserError
 
@@ -102,3 +102,9 @@ def test_the_readme_states_the_result_of_the_stored_runs():
         pytest.skip("no stored runs yet")
     readme = " ".join((ROOT / "README.md").read_text().replace("\n> ", "\n").split())
     assert sentence in readme, "write this sentence, the first of `homing summary`, under 'The result' of README.md"
+
+
+def test_the_verdicts_name_every_judged_claim_once():
+    named = re.findall(r"C\d+", report.verdicts())
+    assert sorted(named) == sorted(f"C{number}" for number in claims.CLAIMS)
+    assert f"Claims: {report.verdicts()}." in report.summary()

@@ -41,6 +41,16 @@ def test_studies_have_different_names_and_each_its_reason():
     assert all(len(study.reason) > 30 for study in STUDIES)
 
 
+def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settings_of_each():
+    page = studies.PAGE.read_text()
+    assert page == studies.page()
+    for study in STUDIES:
+        section = page.split(f"## {study.name}\n")[1].split("\n## ")[0]
+        assert study.reason in section
+        assert f"Seeds {study.seeds[0]} to {study.seeds[-1]}" in section
+    assert "| form 1, printed sign | `lambda_rule = hestenes-stiefel:printed` |" in page
+
+
 def test_calibration_and_its_finalists_use_seeds_below_100_none_twice_and_what_is_judged_none_below_1000():
     searched = [studies.CALIBRATION, studies.finalists()]
     seeds = [seed for study in searched for seed in study.seeds]

@@ -27,7 +27,7 @@ PLOTS = {
     ),
     "curves": lambda: study_figures.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
     "curves with a level": lambda: study_figures.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
-    "forest": lambda: study_figures.forest(Column("difference", FOUND, 0.0), notes={"two": "none"}),
+    "forest": lambda: study_figures.forest(Column("difference", FOUND, 0.0), shared=True),
     "forest of columns": lambda: study_figures.forest(
         Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)
     ),
@@ -36,6 +36,9 @@ PLOTS = {
     "marginals": lambda: study_figures.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: study_figures.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
     "room": lambda: study_figures.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
+    "light": lambda: study_figures.similarity_by_light(
+        np.linspace(0.8, 1.2, 9), 1 - abs(np.linspace(-0.2, 0.2, 9)), 0.9
+    ),
 }
 
 

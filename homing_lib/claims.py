@@ -1,0 +1,327 @@
+"""The paper's claims, C2 to C17, judged by the stored studies: a predicate each, an effect with its 95 % interval.
+
+A judge takes the tables of its studies and returns a verdict and the effect that it rests on; its docstring is the
+predicate. Steps are compared over the last WINDOW episodes, seed by seed, and an episode that a diverged run did not
+reach counts as the step cap (`statistics.episodes_of`). What a ratio says in words is `statistics.judged`.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+
+from homing_lib import studies
+from homing_lib.features import Array
+from homing_lib.policy import decrease_rate
+from homing_lib.runs import Study, load_table
+from homing_lib.settings import Settings
+from homing_lib.statistics import Interval, episodes_of, interval, judged, ratio, side
+from homing_lib.studies import WINDOW
+
+CLAIMS = {
+    2: "a conjugate λ is better than fixed ones, or comparable",
+    3: "learning converges within 20 episodes",
+    8: "after learning, home is reached from almost anywhere",
+    9: "a kidnapped robot recovers at once",
+    10: "a policy that explores less and less converges",
+    11: "the parameter change falls exponentially",
+    12: "a wall penalty, with learning at walls, reduces wall following",
+    13: "good episodes begin around the ninth",
+    14: "one snapshot does better than three",
+    16: "a cost of 1/t helps against a constant one",
+    17: "tens of episodes suffice where the earlier model took hundreds",
+}
+"""In short; Altahhan (2014) spreads them over the abstract and sections IV and V."""
+
+Verdict = Literal["reproduced", "partly reproduced", "not reproduced", "not shown", "not testable here"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found about a claim. str() is a paragraph in Markdown."""
+
+    number: int
+    verdict: Verdict
+    effect: str
+
+    @property
+    def claim(self) -> str:
+        """What the paper says, in short."""
+        return CLAIMS[self.number]
+
+    def __str__(self) -> str:
+        return f"**Claim C{self.number}**, {self.claim}: **{self.verdict}**. {self.effect}"
+
+
+@cache
+def judge(number: int) -> Finding:
+    """The verdict on claim C2, C3, ... from the stored tables. Raises UserError, in one line, if they are not sound."""
+    judge_of, *needed = _JUDGES[number]
+    return Finding(number, *judge_of(*(load_table(study) for study in needed)))
+
+
+def table(numbers: Iterable[int] = CLAIMS) -> str:
+    """Verdicts as a table in Markdown."""
+    rows = [f"| C{n} | {CLAIMS[n]} | **{judge(n).verdict}** | {judge(n).effect} |" for n in numbers]
+    return "\n".join(["| | claim | verdict | effect |", "|---|---|---|---|", *rows])
+
+
+# --- What is compared ------------------------------------------------------------------------------------------------
+
+
+def early(of: Any, condition: str) -> Array:
+    """Mean steps of the first WINDOW episodes, one number a run. of: the table of a study."""
+    return episodes_of(of, condition)[:, :WINDOW].mean(axis=1)
+
+
+def late(of: Any, condition: str) -> Array:
+    """Mean steps of the last WINDOW episodes, one number a run. of: the table of a study."""
+    return episodes_of(of, condition)[:, -WINDOW:].mean(axis=1)
+
+
+def lost(of: Any, condition: str) -> int:
+    """How many runs diverged."""
+    return int((episodes_of(of, condition, "diverged") > 0).any(axis=1).sum())
+
+
+def of_steps(of: Any, ours: str, theirs: str) -> Interval:
+    """Late steps of one condition as a multiple of another's."""
+    return _ratio(late(of, ours), late(of, theirs))
+
+
+def of_change(of: Any, ours: str, theirs: str) -> Interval:
+    """The same of a run's parameter change, as a geometric mean: zero where theirs is beyond all bounds."""
+    our, their = (episodes_of(of, condition, "change").sum(axis=1) for condition in (ours, theirs))
+    if not np.isfinite(their).all():
+        return Interval(0.0, 0.0, 0.0)
+    return Interval(*np.exp(_interval(np.log(our / their))))
+
+
+def at_best_step_size(mapped: Any) -> dict[str, Array]:
+    """Late steps of each rule at that of its step sizes at which they are least. mapped: of `LAMBDA_MAP`."""
+    found = {}
+    for rule in studies.RULES:
+        tried = [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES]
+        found[rule] = min(tried, key=lambda steps: float(steps.mean()))
+    return found
+
+
+def first_good(of: Any, condition: str = "form 2") -> Interval:
+    """The first episode whose mean steps are at most one and a half times those of the last; runs are drawn anew."""
+    steps, rng = episodes_of(of, condition), np.random.default_rng(0)
+
+    def first(runs: Array) -> int:
+        mean = runs.mean(axis=0)
+        return 1 + int(np.argmax(mean <= 1.5 * mean[-WINDOW:].mean()))
+
+    again = [first(steps[rng.integers(len(steps), size=len(steps))]) for _ in range(2000)]
+    return Interval(first(steps), *np.percentile(again, (2.5, 97.5)))
+
+
+def success(trials: Any) -> Interval:
+    """Share of the trials that reach home, over robots. trials: rows of `AFTER`."""
+    return _interval(trials.groupby("seed").reached.mean().to_numpy(float))
+
+
+def at_walls(of: Any, condition: str) -> Array:
+    """Per cent of the steps spent at walls, one number a run."""
+    steps, share = episodes_of(of, condition), np.nan_to_num(episodes_of(of, condition, "at_wall"))
+    return 100 * (share * steps).sum(axis=1) / steps.sum(axis=1)
+
+
+def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
+    """Form 2's parameter change, shape (runs, episodes): of an episode, a step, and a step by the step size."""
+    change, steps = episodes_of(of, "form 2", "change"), episodes_of(of, "form 2")
+    return {
+        "a whole episode": change,
+        "a step": change / steps,
+        "a step, by the step size": change / steps / (settings.alpha0 * step_size_rates(settings)),
+    }
+
+
+def step_size_rates(settings: Settings) -> Array:
+    """Eq. (23): the step size of each episode as a share of alpha_0."""
+    return np.array([decrease_rate(episode, settings.first_episode) for episode in range(1, settings.episodes + 1)])
+
+
+# --- Judges ----------------------------------------------------------------------------------------------------------
+
+_Judged = tuple[Verdict, str]
+
+
+def conjugate_lambda(of: Any, mapped: Any) -> _Judged:
+    """Better than every fixed λ or comparable: in steps, in parameter change, and with each at its best step size."""
+    fixed = [rule for rule in studies.RULES if rule.startswith("fixed")]
+    best_of = at_best_step_size(mapped)
+    found = {
+        "steps": [of_steps(of, "form 2", rule) for rule in fixed],
+        "parameter change": [of_change(of, "form 2", rule) for rule in fixed],
+        "steps, each at its best step size": [_ratio(best_of["form 2"], best_of[rule]) for rule in fixed],
+    }
+    counts = {name: sum(judged(one) in ("better", "comparable") for one in ratios) for name, ratios in found.items()}
+    best = min(fixed, key=lambda rule: late(of, rule).mean())
+    told = "; ".join(f"{name}: {count}" for name, count in counts.items())
+    verdict: Verdict = "partly reproduced" if any(counts.values()) else "not reproduced"
+    return (
+        "reproduced" if min(counts.values()) == len(fixed) else verdict,
+        f"Better or comparable, of {len(fixed)} fixed values: {told}. Against the best fixed one, {best}, at the "
+        f"default step size: {of_steps(of, 'form 2', best):.2f} of its steps.",
+    )
+
+
+def within_twenty_episodes(parts: Any, long: Any) -> _Judged:
+    """The last episodes of 20 take fewer steps than the first, and 180 more save less than a fifth of them."""
+    of_first = _ratio(late(parts, "default"), early(parts, "default"))
+    of_twenty = _ratio(episodes_of(long, "form 2")[:, -20:].mean(axis=1), late(parts, "default"))
+    learnt: Verdict = "reproduced" if of_twenty.low > 0.8 else "partly reproduced"
+    return (
+        learnt if side(of_first, 1) == "below" else "not reproduced",
+        f"On the atlas, the last {WINDOW} of 20 episodes take {of_first:.2f} of the steps of the first {WINDOW}, and "
+        f"the last 20 of 200 take {of_twenty:.2f} of those.",
+    )
+
+
+def from_almost_anywhere(trials: Any, references: Any) -> _Judged:
+    """At least 95 % of the trials reach home, with all of the interval; partly: more than random actions do."""
+    placed = trials[(trials.kidnapped == 0) & (trials.light == 1) & (trials.condition == "20 episodes")]
+    found = success(placed)
+    worst = placed.groupby(["x", "y"]).reached.mean().min()
+    by_chance = _interval((episodes_of(references, "random") <= studies.TRIAL_STEPS).mean(axis=1))
+    partly: Verdict = "partly reproduced" if found.low > by_chance.high else "not reproduced"
+    return (
+        "reproduced" if found.low >= 0.95 else partly,
+        f"After 20 episodes {_percent(found)} % of the trials reach home within {studies.TRIAL_STEPS} steps, from the "
+        f"worst place {worst:.0%}; random actions, from the usual start, {_percent(by_chance)} %.",
+    )
+
+
+def kidnapped(trials: Any) -> _Judged:
+    """Carried away, at most five points fewer reach home than of those that start at such places."""
+    trained = trials[(trials.light == 1) & (trials.condition == "20 episodes")]
+    carried, begun = (trained[trained.kidnapped == so].groupby("seed").reached.mean() for so in (1, 0))
+    found = _interval((carried - begun).to_numpy(float))
+    shown: Verdict = "not reproduced" if found.high < -0.05 else "not shown"
+    return (
+        "reproduced" if found.low > -0.05 else shown,
+        f"The share that reaches home differs by {_percent(found, '+')} percentage points from that of robots which "
+        "start at such places. It follows from the model: there is no memory that a kidnapper could confuse.",
+    )
+
+
+def less_and_less_exploration(parts: Any) -> _Judged:
+    """The last episodes take fewer steps than the first."""
+    falls = _ratio(late(parts, "default"), early(parts, "default"))
+    constant = of_steps(parts, "constant exploration and step size", "default")
+    return (
+        "reproduced" if side(falls, 1) == "below" else "not reproduced",
+        f"The last {WINDOW} episodes take {falls:.2f} of the steps of the first. That the decrease helps is another "
+        f"matter: with exploration and step size held constant they take {constant:.2f} of the default's "
+        f"({judged(constant)}).",
+    )
+
+
+def exponential_change(of: Any) -> _Judged:
+    """It falls, also by step and step size, and its logarithm is straighter in the episode than in log(ep_0 + ep)."""
+    settings = Settings()
+    changes = list(change_by_episode(of, settings).values())
+    falls = [_ratio(one[:, -WINDOW:].mean(axis=1), one[:, :WINDOW].mean(axis=1)) for one in changes]
+    number, logarithm = np.arange(1, settings.episodes + 1), np.log(changes[0].mean(axis=0))
+    exponential = np.corrcoef(logarithm, number)[0, 1] ** 2
+    hyperbolic = np.corrcoef(logarithm, np.log(settings.first_episode + number))[0, 1] ** 2
+    partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
+    return (
+        "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
+        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; that of a step to {falls[1]:.2f}; "
+        f"and divided by the step size to {falls[2]:.2f}, which is neither the shorter episodes' doing nor the "
+        f"decay's. A line through its logarithm explains {exponential:.0%} against the episode (exponential) and "
+        f"{hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
+    )
+
+
+def wall_penalty(parts: Any) -> _Judged:
+    """Without penalty and learning at walls, a greater share of the steps is spent there."""
+    neither = "no wall penalty, no learning at walls"
+    more = _interval(at_walls(parts, neither) - at_walls(parts, "default"))
+    steps = {label: of_steps(parts, label, "default") for label in (neither, "no wall penalty", "wall penalty 5")}
+    return (
+        _if_above(side(more, 0)),
+        f"Without both, the share of the steps at walls changes by {more:+.1f} percentage points, and an episode takes "
+        f"{steps[neither]:.2f} of the steps; without the penalty alone, {steps['no wall penalty']:.2f}. A penalty of 5 "
+        f"in place of {Settings().wall_penalty:g} gives {steps['wall penalty 5']:.2f}.",
+    )
+
+
+def around_the_ninth(of: Any) -> _Judged:
+    """The interval of the first good episode (`first_good`) holds 9."""
+    steps, good = episodes_of(of, "form 2"), first_good(of)
+    typical = np.median(steps[:, -WINDOW:])
+    relapses = (steps[:, int(good.value) :] > 3 * typical).mean()
+    return (
+        "reproduced" if good.low <= 9 <= good.high else "not reproduced",
+        f"The first good one is episode {good:.0f}; of those after it {relapses:.0%} take more than three times the "
+        f"median of the last, {typical:.0f} steps.",
+    )
+
+
+def one_snapshot(parts: Any) -> _Judged:
+    """With three, an episode takes more steps."""
+    found = of_steps(parts, "three snapshots", "default")
+    return (
+        _if_above(side(found, 1)),
+        f"With three, {Settings().snapshot_angle_deg:g} degrees apart, an episode takes {found:.2f} of the steps. "
+        "(Similarity is then the mean of three comparisons: what passes for home changes too.)",
+    )
+
+
+def falling_cost(parts: Any) -> _Judged:
+    """With a constant cost, an episode takes more steps."""
+    found = of_steps(parts, "constant cost", "default")
+    return (
+        _if_above(side(found, 1)),
+        f"With a constant cost (the mean of 1/t over 100 steps) an episode takes {found:.2f} of the steps.",
+    )
+
+
+def tens_of_episodes(of: Any, parts: Any) -> _Judged:
+    """Not to be judged without the earlier model; not reproduced if nothing is learnt in 20 episodes."""
+    learnt = side(_ratio(late(parts, "default"), early(parts, "default")), 1) == "below"
+    return (
+        "not testable here" if learnt else "not reproduced",
+        "The earlier model is not rebuilt, so that the comparison is not ours to make. What is seen is how soon this "
+        f"one comes within one and a half times its last episodes: by episode {first_good(of):.0f}.",
+    )
+
+
+_JUDGES: dict[int, tuple[Callable[..., _Judged], *tuple[Study, ...]]] = {
+    2: (conjugate_lambda, studies.LAMBDA, studies.LAMBDA_MAP),
+    3: (within_twenty_episodes, studies.PARTS, studies.LONG),
+    8: (from_almost_anywhere, studies.AFTER, studies.REFERENCES),
+    9: (kidnapped, studies.AFTER),
+    10: (less_and_less_exploration, studies.PARTS),
+    11: (exponential_change, studies.LAMBDA),
+    12: (wall_penalty, studies.PARTS),
+    13: (around_the_ninth, studies.LAMBDA),
+    14: (one_snapshot, studies.PARTS),
+    16: (falling_cost, studies.PARTS),
+    17: (tens_of_episodes, studies.LAMBDA, studies.PARTS),
+}
+
+
+def _ratio(ours: Array, theirs: Array) -> Interval:
+    return ratio(ours, theirs, np.random.default_rng(0), paired=True)
+
+
+def _interval(values: Array) -> Interval:
+    return interval([values], np.random.default_rng(0))
+
+
+def _percent(share: Interval, sign: str = "") -> str:
+    return format(Interval(*(100 * end for end in share)), f"{sign}.1f")
+
+
+def _if_above(where: Literal["below", "above", "open"]) -> Verdict:
+    """What is taken away was a help, if without it there is more."""
+    verdicts: dict[str, Verdict] = {"above": "reproduced", "below": "not reproduced", "open": "not shown"}
+    return verdicts[where]

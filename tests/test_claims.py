@@ -1,0 +1,164 @@
+"""A claim is judged by its predicate, and by nothing else."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from homing_lib import claims, studies
+from homing_lib.claims import CLAIMS, Finding
+
+SEEDS = 10
+EPISODES = 20
+
+
+def table(conditions, **columns):
+    """A study's table: steps of each episode by condition, the same for all seeds but for a step or so."""
+    rows = []
+    for condition, steps in conditions.items():
+        for seed in range(SEEDS):
+            for episode, value in enumerate(np.broadcast_to(steps, EPISODES), 1):
+                rows.append({"condition": condition, "seed": seed, "episode": episode, "steps": value + seed / 10})
+    of = pd.DataFrame(rows)
+    defaults = {"change": of.steps, "diverged": 0, "at_wall": 0.1}
+    return of.assign(**{name: columns.get(name, value) for name, value in defaults.items()})
+
+
+LEARNS = np.r_[np.full(8, 200.0), np.full(12, 40.0)]
+PARTS = {label: LEARNS for label in studies.PARTS.conditions}
+
+
+def trials(reached, kidnapped_reached=None):
+    """Trials at two places, and as many kidnapped; `reached` of ten reach home."""
+    rows = [
+        {"condition": "20 episodes", "seed": seed, "light": 1.0, "x": x, "y": 0.5, "kidnapped": away, "reached": home}
+        for away, homes in enumerate((reached, reached if kidnapped_reached is None else kidnapped_reached))
+        for seed in range(SEEDS)
+        for x in (0.2, 0.6)
+        for home in [1] * homes + [0] * (10 - homes)
+    ]
+    return pd.DataFrame(rows)
+
+
+def by_step_size(rules):
+    return table({f"{rule} @ {alpha:g}": steps for rule, steps in rules.items() for alpha in studies.STEP_SIZES})
+
+
+ALIKE = {rule: LEARNS for rule in studies.RULES}
+
+
+@pytest.mark.parametrize(
+    ("others", "verdict"),
+    [
+        (LEARNS, "reproduced"),
+        (LEARNS * 2, "reproduced"),
+        (LEARNS / 2, "not reproduced"),
+    ],
+)
+def test_a_conjugate_lambda_must_do_as_well_as_every_fixed_one(others, verdict):
+    of = {rule: LEARNS if rule == "form 2" else others for rule in studies.RULES}
+    assert claims.conjugate_lambda(table(of), by_step_size(of))[0] == verdict
+
+
+def test_a_conjugate_lambda_that_does_as_well_as_some_is_partly_reproduced():
+    of = ALIKE | {"fixed 0.5": LEARNS / 2}
+    verdict, effect = claims.conjugate_lambda(table(of), by_step_size(of))
+    assert verdict == "partly reproduced"
+    assert "of 7 fixed values: steps: 6; parameter change: 6; steps, each at its best step size: 6." in effect
+    assert "Against the best fixed one, fixed 0.5," in effect
+
+
+def test_a_rule_whose_changes_are_beyond_all_bounds_changes_more():
+    of = table(ALIKE)
+    of.loc[(of.condition == "fixed 1") & (of.episode > 3), ["change", "diverged"]] = np.nan, 1
+    assert claims.of_change(of, "form 2", "fixed 1") == (0, 0, 0)
+    assert claims.of_change(of, "form 2", "fixed 0").value == pytest.approx(1)
+    assert claims.lost(of, "fixed 1") == SEEDS
+    assert claims.lost(of, "fixed 0") == 0
+
+
+def test_each_rule_is_taken_at_the_step_size_that_suits_it():
+    of = by_step_size(ALIKE)
+    better = of.condition == "fixed 0 @ 0.004"
+    of.loc[better, "steps"] -= 30
+    at_best = claims.at_best_step_size(of)
+    assert at_best["fixed 0"].mean() == pytest.approx(at_best["form 2"].mean() - 30)
+
+
+@pytest.mark.parametrize(
+    ("twenty", "two_hundred", "verdict"),
+    [
+        (LEARNS, 40, "reproduced"),
+        (LEARNS, 20, "partly reproduced"),
+        (np.full(EPISODES, 100), 100, "not reproduced"),
+    ],
+)
+def test_convergence_is_fewer_steps_than_at_first_and_hardly_fewer_later(twenty, two_hundred, verdict):
+    assert claims.within_twenty_episodes(table({"default": twenty}), table({"form 2": two_hundred}))[0] == verdict
+
+
+@pytest.mark.parametrize(("homes", "verdict"), [(10, "reproduced"), (7, "partly reproduced"), (1, "not reproduced")])
+def test_almost_anywhere_is_95_per_cent_and_partly_is_more_than_chance(homes, verdict):
+    chance = table({"random": np.r_[np.full(10, 100), np.full(10, 1000)]})
+    found, effect = claims.from_almost_anywhere(trials(homes), chance)
+    assert found == verdict
+    assert "random actions, from the usual start, 50.0" in effect
+
+
+@pytest.mark.parametrize(("homes", "verdict"), [(8, "reproduced"), (6, "not reproduced")])
+def test_a_kidnapped_robot_may_lose_five_points(homes, verdict):
+    assert claims.kidnapped(trials(8, homes))[0] == verdict
+
+
+@pytest.mark.parametrize(
+    ("judge", "part"), [(claims.one_snapshot, "three snapshots"), (claims.falling_cost, "constant cost")]
+)
+@pytest.mark.parametrize(("factor", "verdict"), [(2, "reproduced"), (0.5, "not reproduced"), (1, "not shown")])
+def test_a_part_helps_if_it_takes_more_steps_without_it(judge, part, factor, verdict):
+    assert judge(table(PARTS | {part: LEARNS * factor}))[0] == verdict
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.3, "reproduced"), (0.05, "not reproduced"), (0.1, "not shown")])
+def test_the_wall_penalty_helps_if_more_steps_are_spent_at_walls_without_it(share, verdict):
+    of = table(PARTS)
+    of.loc[of.condition == "no wall penalty, no learning at walls", "at_wall"] = share
+    assert claims.wall_penalty(of)[0] == verdict
+
+
+def test_exploring_less_converges_if_the_end_is_better_than_the_beginning():
+    assert claims.less_and_less_exploration(table(PARTS))[0] == "reproduced"
+    assert claims.less_and_less_exploration(table(PARTS | {"default": 50}))[0] == "not reproduced"
+
+
+@pytest.mark.parametrize(
+    ("decay", "verdict"),
+    [
+        (lambda n: np.exp(-n / 3), "reproduced"),
+        (lambda n: 1 / (6 + n), "partly reproduced"),
+        (lambda n: 1 + 0 * n, "not reproduced"),
+    ],
+)
+def test_the_change_falls_exponentially_if_its_logarithm_is_a_straight_line(decay, verdict):
+    of = table({"form 2": 50})
+    of["change"] = decay(of.episode) * (1 + of.seed / 100)
+    assert claims.exponential_change(of)[0] == verdict
+
+
+@pytest.mark.parametrize(("good_from", "verdict"), [(9, "reproduced"), (3, "not reproduced"), (14, "not reproduced")])
+def test_good_episodes_begin_where_the_mean_first_comes_near_the_last_ones(good_from, verdict):
+    of = table({"form 2": np.where(np.arange(1, 21) < good_from, 200, 40)})
+    assert claims.first_good(of).value == good_from
+    assert claims.around_the_ninth(of)[0] == verdict
+
+
+def test_what_the_earlier_model_needed_cannot_be_judged():
+    of = table({"form 2": LEARNS})
+    assert claims.tens_of_episodes(of, table(PARTS))[0] == "not testable here"
+    assert claims.tens_of_episodes(of, table(PARTS | {"default": 50}))[0] == "not reproduced"
+
+
+def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
+    told = str(Finding(9, "not shown", "It differs by 1 [-2, 4]."))
+    assert told == "**Claim C9**, a kidnapped robot recovers at once: **not shown**. It differs by 1 [-2, 4]."
+    rows = claims.table().splitlines()
+    assert len(rows) == 2 + len(CLAIMS)
+    assert rows[2].startswith(f"| C2 | {CLAIMS[2]} | **{claims.judge(2).verdict}** | ")
