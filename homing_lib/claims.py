@@ -171,10 +171,10 @@ def conjugate_lambda(of: Any, mapped: Any) -> _Judged:
     )
 
 
-def within_twenty_episodes(parts: Any, long: Any) -> _Judged:
+def within_twenty_episodes(references: Any, long: Any) -> _Judged:
     """The last episodes of 20 take fewer steps than the first, and 180 more save less than a fifth of them."""
-    of_first = _ratio(late(parts, "default"), early(parts, "default"))
-    of_twenty = _ratio(episodes_of(long, "form 2")[:, -20:].mean(axis=1), late(parts, "default"))
+    of_first = _ratio(late(references, "learnt"), early(references, "learnt"))
+    of_twenty = _ratio(episodes_of(long, "form 2")[:, -20:].mean(axis=1), late(references, "learnt"))
     learnt: Verdict = "reproduced" if of_twenty.low > 0.8 else "partly reproduced"
     return (
         learnt if side(of_first, 1) == "below" else "not reproduced",
@@ -296,7 +296,7 @@ def tens_of_episodes(of: Any, parts: Any) -> _Judged:
 
 _JUDGES: dict[int, tuple[Callable[..., _Judged], *tuple[Study, ...]]] = {
     2: (conjugate_lambda, studies.LAMBDA, studies.LAMBDA_MAP),
-    3: (within_twenty_episodes, studies.PARTS, studies.LONG),
+    3: (within_twenty_episodes, studies.REFERENCES, studies.LONG),
     8: (from_almost_anywhere, studies.AFTER, studies.REFERENCES),
     9: (kidnapped, studies.AFTER),
     10: (less_and_less_exploration, studies.PARTS),

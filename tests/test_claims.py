@@ -93,7 +93,7 @@ def test_each_rule_is_taken_at_the_step_size_that_suits_it():
     ],
 )
 def test_convergence_is_fewer_steps_than_at_first_and_hardly_fewer_later(twenty, two_hundred, verdict):
-    assert claims.within_twenty_episodes(table({"default": twenty}), table({"form 2": two_hundred}))[0] == verdict
+    assert claims.within_twenty_episodes(table({"learnt": twenty}), table({"form 2": two_hundred}))[0] == verdict
 
 
 @pytest.mark.parametrize(("homes", "verdict"), [(10, "reproduced"), (7, "partly reproduced"), (1, "not reproduced")])
