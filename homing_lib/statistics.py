@@ -92,10 +92,20 @@ def judged(found: Interval, margin: float = 1.25) -> Literal["better", "worse", 
     return "comparable" if found.low > 1 / margin and found.high < margin else "open"
 
 
-def ratio(numerator: ArrayLike, denominator: ArrayLike, rng: np.random.Generator, *, paired: bool) -> Interval:
-    """Mean over mean. paired: element i of both belongs to the same run, and is drawn with it."""
+def ratio(
+    numerator: ArrayLike,
+    denominator: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    paired: bool,
+    statistic: Callable[..., Any] = np.mean,
+) -> Interval:
+    """A statistic of one over that of the other. paired: element i of both belongs to the same run, drawn with it."""
     return _bootstrap(
-        (numerator, denominator), lambda a, b, axis: a.mean(axis=axis) / b.mean(axis=axis), rng, paired=paired
+        (numerator, denominator),
+        lambda a, b, axis: statistic(a, axis=axis) / statistic(b, axis=axis),
+        rng,
+        paired=paired,
     )
 
 

@@ -64,7 +64,7 @@ def test_a_conjugate_lambda_that_does_as_well_as_some_is_partly_reproduced():
     verdict, effect = claims.conjugate_lambda(table(of), by_step_size(of))
     assert verdict == "partly reproduced"
     assert "of 7 fixed values: steps: 6; parameter change: 6; steps, each at its best step size: 6." in effect
-    assert "Against the best fixed one, fixed 0.5," in effect
+    assert "Against the fixed one of the least mean, fixed 0.5," in effect
 
 
 def test_a_rule_whose_changes_are_beyond_all_bounds_changes_more():
@@ -162,3 +162,15 @@ def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
     rows = claims.table().splitlines()
     assert len(rows) == 2 + len(CLAIMS)
     assert rows[2].startswith(f"| C2 | {CLAIMS[2]} | **{claims.judge(2).verdict}** | ")
+
+
+def test_a_lost_robot_leaves_a_comparison_open_that_the_typical_robot_would_decide():
+    theirs = 40 + np.arange(50.0)
+    ours = theirs * 0.7
+    both = claims.compare(ours, theirs)
+    assert (both.word, both.side) == ("better", "below")
+    ours[3] = 2000
+    both = claims.compare(ours, theirs)
+    assert both.typical.high < 1 < both.mean.high
+    assert (both.word, both.side) == ("open", "open")
+    assert f"{both:.1f}" == f"{both.typical:.1f} (mean {both.mean:.1f})"

@@ -330,6 +330,12 @@ def test_a_random_sample_of_the_runs_with_the_camera_is_the_same_when_computed_a
         recomputed_as_stored(study, label, seed)
 
 
+def test_a_random_sample_of_the_runs_on_the_coarsest_atlas_is_the_same_when_computed_again():
+    label, *_ = studies.LATTICES
+    for seed in np.random.default_rng(2014).choice(studies.JUDGED, 3, replace=False):
+        recomputed_as_stored(studies.LATTICE_RUNS, label, int(seed))
+
+
 @pytest.mark.slow
 def test_a_random_sample_of_every_table_is_the_same_when_computed_again():
     for study, label, seed in sample(TABLES, 2):
