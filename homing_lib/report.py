@@ -151,6 +151,7 @@ def latex() -> str:
     macros = numbers(stored_headline()) | {
         "verdicts": _tex(verdicts()),
         "judgedRuns": f"{len(studies.JUDGED)}",
+        "triedRobots": f"{len(studies.AFTER.seeds)}",
         "tableClaims": "\n".join(_table_of_claims()),
         "tableOne": "\n".join(_table_one()),
         "tableSettings": "\n".join(_table_of_the_others()),

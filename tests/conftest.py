@@ -1,3 +1,4 @@
+import signal
 from collections.abc import Iterator
 
 import numpy as np
@@ -8,6 +9,9 @@ from homing_lib.environment import survey
 from homing_lib.features import HomeModel
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
+
+# Whoever is started in the background ignores Ctrl-C, and so would all that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

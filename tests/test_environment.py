@@ -513,6 +513,7 @@ def test_200_environments_opened_and_closed_leave_nothing_behind(tmp_path, monke
         if number == 49:  # what is allocated once, is by now
             before = held()
     after = held()
-    assert after[:2] == before[:2]
+    assert after[0] <= before[0]  # joblib's idle workers may have closed theirs meanwhile
+    assert after[1] == before[1]
     assert list(tmp_path.iterdir()) == []
     assert after[2] - before[2] < 30  # MB; Bullet keeps about .05 an environment, a forgotten one would keep some 10
