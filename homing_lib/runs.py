@@ -157,13 +157,14 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
         remove_leftovers(folder)
     before = _read_manifest(study)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
+    client = _connect(cluster) if cluster and todo else None  # before anything changes
     if force:
         _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
     if todo:
         for settings in (*study.conditions.values(), *study.atlases):
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
-        results = _on_cluster(cluster, study, todo) if cluster else _on_cores(workers, study, todo)
+        results = _on_cluster(client, study, todo) if client else _on_cores(workers, study, todo)
         for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
             _store(study, *result)
     origins = _write_table(study) if study.measure else [MADE_BY]
@@ -195,14 +196,20 @@ def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Res
         raise UserError(f"a worker process was killed (too little memory?); {_GOES_ON}") from None
 
 
-def _on_cluster(address: str, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
-    from distributed import CancelledError, Client, KilledWorker, as_completed
+def _connect(address: str) -> Any:
+    from distributed import Client
 
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said below
     try:
-        client = Client(address, timeout="10s")
+        return Client(address, timeout="10s")
     except (OSError, ValueError) as error:
         raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
+
+
+def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    address = client.scheduler.address
     with client:
         futures = [client.submit(_compute, study.measure, *job, pure=False) for job in todo]
         try:

@@ -17,6 +17,9 @@ from homing_lib.settings import Settings
 
 RESAMPLES = 9999
 
+MARGIN = 1.25
+"""Steps that differ by no more than this factor, either way, are called comparable."""
+
 
 class Interval(NamedTuple):
     """An estimate and the ends of its 95 % interval. f"{interval:.2f}" writes all three: 0.50 [0.40, 0.61]."""
@@ -81,7 +84,7 @@ def side(estimate: Interval, reference: float) -> Literal["below", "above", "ope
     return "below" if estimate.high < reference else "above" if estimate.low > reference else "open"
 
 
-def judged(found: Interval, margin: float = 1.25) -> Literal["better", "worse", "comparable", "open"]:
+def judged(found: Interval, margin: float = MARGIN) -> Literal["better", "worse", "comparable", "open"]:
     """What a ratio of steps says: less than 1 is better; comparable if all of the interval lies within the margin.
 
     Open, which is not comparable: it holds 1, and more than the margin on one side.

@@ -108,8 +108,12 @@ def _swept(folder: Path, arguments: list[str]) -> int:
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:
     """The processes that compute for a sweep."""
-    children = psutil.Process(process.pid).children()
-    return [child.pid for child in children if any("LokyProcess" in word for word in child.cmdline())]
+    found = []
+    for child in psutil.Process(process.pid).children():
+        with suppress(psutil.Error):  # it has just ended
+            if any("LokyProcess" in word for word in child.cmdline()):
+                found.append(child.pid)
+    return found
 
 
 def end(process: subprocess.Popen[str]) -> None:
@@ -179,7 +183,8 @@ def _kill(process: subprocess.Popen[str], victim: str, moment: float) -> tuple[i
         while process.poll() is None and not (workers := workers_of(process)):
             time.sleep(0.002)
         if process.poll() is None:
-            os.kill(workers[0], signal.SIGKILL)
+            with suppress(ProcessLookupError):
+                os.kill(workers[0], signal.SIGKILL)
     if victim != "one worker":
         process.wait()
         end(process)  # its workers hold its pipes open
