@@ -208,6 +208,7 @@ def _connect(address: str) -> Any:
 
 def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
     from distributed import CancelledError, KilledWorker, as_completed
+    from distributed.comm.core import CommClosedError
 
     address = client.scheduler.address
     with client:
@@ -216,7 +217,7 @@ def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Re
             for future in as_completed(futures):
                 yield future.result()
                 future.release()
-        except CancelledError:
+        except (CancelledError, CommClosedError):
             raise UserError(f"--cluster {address}: the connection to the Dask scheduler was lost; {_GOES_ON}") from None
         except KilledWorker:
             raise UserError(f"--cluster {address}: workers keep dying of the same run; {_GOES_ON}") from None
