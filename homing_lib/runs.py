@@ -8,6 +8,7 @@ import hashlib
 import io
 import json
 import logging
+import multiprocessing.resource_tracker
 import platform
 import signal
 import threading
@@ -22,6 +23,7 @@ from typing import Any
 import joblib
 import numpy as np
 import pandas as pd
+from joblib.externals.loky.backend import resource_tracker
 from tqdm import tqdm
 
 from homing_lib.agent import Run, run
@@ -36,6 +38,8 @@ DATA = Path(__file__).parent.parent / "data"
 
 SCRATCH = DATA.parent / ".build" / "runs"
 """The single runs from which tables are made."""
+
+tqdm.monitor_interval = 0  # a thread that could take Ctrl-C in place of the main one
 
 TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
@@ -180,14 +184,20 @@ def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Res
     # Workers whose parent was killed go when they have idled so long, in seconds, and half a minute later.
     parallel = joblib.Parallel(min(workers, len(todo)), return_as="generator_unordered", idle_worker_timeout=5)
     # Ctrl-C reaches workers too, and they need not say so, their parent does: they inherit from it, from their first
-    # moment, to ignore the signal. (To block it would not do: multiprocessing unblocks it.)
+    # moment, to ignore the signal. For the parent it is blocked as well meanwhile, so that it comes late and is not
+    # lost; both resource trackers, which unblock it when they start, have to run before.
     in_main_thread = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main_thread else None
+    if in_main_thread:
+        resource_tracker.ensure_running()
+        multiprocessing.resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
     finally:
         if in_main_thread:
             signal.signal(signal.SIGINT, before)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     # Nor need joblib say, after that, what was not finished.
     warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
     try:

@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 
+import joblib
 import numpy as np
 import pandas as pd
 import psutil
@@ -299,3 +300,16 @@ def test_a_table_begins_with_condition_and_seed_and_is_in_the_order_of_the_study
     keys = list(zip(table.condition, table.seed, table.episode, strict=True))
     assert keys == [(label, seed, episode) for label in FEW.conditions for seed in FEW.seeds for episode in (1, 2)]
     assert {str(kind) for kind in table.dtypes[2:]} == {"float32"}
+
+
+def test_an_interrupt_in_the_moment_when_workers_are_started_is_late_but_not_lost(monkeypatch):
+    call = joblib.Parallel.__call__
+
+    def interrupted(self, *arguments):
+        results = call(self, *arguments)
+        os.kill(os.getpid(), signal.SIGINT)
+        return results
+
+    monkeypatch.setattr(joblib.Parallel, "__call__", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(STUDY, workers=2)
