@@ -15,7 +15,7 @@ PYTHON ?= python3.11
 VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
-LIBRARY   := $(wildcard homing_lib/*.py)
+LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py)
 NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
 
 # The same bytes on every run: one thread for linear algebra, fixed hashes, a fixed date in every PDF.

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from homing_lib.settings import Settings, UserError, parse_settings
+from homing_lib import rooms
+from homing_lib.errors import UserError
+from homing_lib.settings import Settings, parse_settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -90,10 +92,11 @@ def _workers(text: str) -> int:
 def _run(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
-    from homing_lib import agent, environment, runs
+    from homing_lib import agent
+    from homing_lib.study import runs
 
     settings = changed_settings(options.set)
-    environment.room_named(settings.room)  # before the bar, which would stand beside the refusal
+    rooms.room_named(settings.room)  # before the bar, which would stand beside the refusal
     with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
         result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
     print(f"steps an episode: {' '.join(str(length) for length in result.lengths)}")
@@ -105,7 +108,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _film(options: argparse.Namespace) -> None:
-    from homing_lib.film import film
+    from homing_lib.publish.film import film
 
     film(changed_settings(options.set), options.seed, options.episode, options.out)
 
@@ -125,7 +128,7 @@ def _settings(_: argparse.Namespace) -> None:
 
 
 def _data(options: argparse.Namespace) -> None:
-    from homing_lib import runs, studies
+    from homing_lib.study import runs, studies
 
     for study in studies.in_order():
         runs.sweep(study, force=options.force)
@@ -138,13 +141,13 @@ def _data(options: argparse.Namespace) -> None:
 
 
 def _verify(_: argparse.Namespace) -> None:
-    from homing_lib import runs, studies
+    from homing_lib.study import runs, studies
 
     print(runs.verify(studies.HEADLINE))
 
 
 def _sweep(options: argparse.Namespace) -> None:
-    from homing_lib import runs, studies
+    from homing_lib.study import runs, studies
 
     for study in studies.in_order():
         if study.name == options.study:
@@ -155,27 +158,27 @@ def _sweep(options: argparse.Namespace) -> None:
 
 
 def _studies(_: argparse.Namespace) -> None:
-    from homing_lib import studies
+    from homing_lib.study import studies
 
     for study in studies.in_order():
         print(f"{study.name:12} {len(study.conditions):3} conditions x {len(study.seeds):2} seeds  {study.reason}")
 
 
 def _notebook(options: argparse.Namespace) -> None:
-    from homing_lib import notebooks
+    from homing_lib.publish import notebooks
 
     for path in notebooks.execute(options.name, options.profile, options.output_dir, options.figures_dir):
         print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _report(_: argparse.Namespace) -> None:
-    from homing_lib import report
+    from homing_lib.publish import report
 
     print(report.latex())
 
 
 def _summary(_: argparse.Namespace) -> None:
-    from homing_lib import report
+    from homing_lib.publish import report
 
     print(report.summary())
 

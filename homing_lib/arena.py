@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from homing_lib.features import Array, histogram
-from homing_lib.robot import INFRARED_ANGLES_DEG, Pose
-from homing_lib.rooms import Ball, Box, Cone, Room, Texture
+from homing_lib.robot import INFRARED_ANGLES_DEG
+from homing_lib.rooms import Ball, Box, Cone, Pose, Room, Texture
 from homing_lib.settings import Settings
 
 

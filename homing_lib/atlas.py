@@ -24,13 +24,14 @@ from tqdm import tqdm
 
 from homing_lib import arena, features
 from homing_lib.arena import Arena
+from homing_lib.errors import DamagedFile
 from homing_lib.features import Array
-from homing_lib.robot import INFRARED_ANGLES_DEG, Pose
-from homing_lib.rooms import Room
+from homing_lib.robot import INFRARED_ANGLES_DEG
+from homing_lib.rooms import Pose, Room
 from homing_lib.settings import Settings
-from homing_lib.storage import DamagedFile, read_arrays, write_arrays
+from homing_lib.storage import ROOT, read_arrays, write_arrays
 
-FOLDER = Path(__file__).parent.parent / ".build" / "atlas"
+FOLDER = ROOT / ".build" / "atlas"
 
 _DEPENDS_ON = (
     "bin_size",

@@ -10,10 +10,11 @@ import gymnasium
 import numpy as np
 
 from homing_lib.arena import Arena, Image
+from homing_lib.errors import UserError
 from homing_lib.features import HomeModel, difference_variance, histogram, similarity
-from homing_lib.robot import Pose, Robot, World, wrapped
-from homing_lib.rooms import ROOMS, Room
-from homing_lib.settings import Settings, UserError
+from homing_lib.robot import Robot, World, wrapped
+from homing_lib.rooms import Pose, Room, room_named
+from homing_lib.settings import Settings
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
@@ -343,10 +344,3 @@ def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:
         x, y = rng.uniform(0, room.size[0]), rng.uniform(0, room.size[1])
         if world.clearance(x, y) >= 0:
             return Pose(x, y, rng.uniform(-np.pi, np.pi))
-
-
-def room_named(name: str) -> Room:
-    """The room of this name. Raises UserError for one that does not exist."""
-    if name not in ROOMS:
-        raise UserError(f"room {name!r}: there is none of this name; known are {', '.join(ROOMS)}")
-    return ROOMS[name]

@@ -5,11 +5,12 @@ Where the robot is, is known to this module and to the records, never to the lea
 
 from collections.abc import Callable
 from math import atan2, cos, pi, radians, sin
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from homing_lib.features import Array
+from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 
 LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD = range(3)
@@ -22,14 +23,6 @@ INFRARED_ANGLES_DEG = (85.0, 45.0, 10.0, -10.0, -45.0, -85.0, 160.0, -160.0)
 
 FRONT_SENSORS = slice(1, 5)
 """Those that decide whether the way is clear: 45, 10, -10 and -45 degrees."""
-
-
-class Pose(NamedTuple):
-    """Position in metres, heading in radians anticlockwise from the x axis."""
-
-    x: float
-    y: float
-    heading: float
 
 
 class World(Protocol):

@@ -1,9 +1,18 @@
-"""Rooms as data: what stands where, and how it looks. `arena.py` builds them, nothing else knows them by name."""
+"""Rooms as data: what stands where, and how it looks. `arena.py` builds them."""
 
 from dataclasses import dataclass, replace
 from math import pi
+from typing import NamedTuple
 
-from homing_lib.robot import Pose
+from homing_lib.errors import UserError
+
+
+class Pose(NamedTuple):
+    """Position in metres, heading in radians anticlockwise from the x axis."""
+
+    x: float
+    y: float
+    heading: float
 
 
 @dataclass(frozen=True)
@@ -164,3 +173,10 @@ ATTIC = Room(
 """A longer and narrower room with other surfaces and another home."""
 
 ROOMS = {room.name: room for room in (PAPER, DIVIDED, ATTIC)}
+
+
+def room_named(name: str) -> Room:
+    """The room of this name. Raises UserError for one that does not exist."""
+    if name not in ROOMS:
+        raise UserError(f"room {name!r}: there is none of this name; known are {', '.join(ROOMS)}")
+    return ROOMS[name]

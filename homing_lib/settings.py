@@ -8,16 +8,14 @@ import hashlib
 from math import radians
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from homing_lib import lambdas
-from homing_lib.features import Centre, Variance, bins_per_channel
-from homing_lib.policy import Mixture
+from homing_lib.errors import UserError
+from homing_lib.features import Array, Centre, Variance, bins_per_channel
+from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.sarsa import Traces, Update
-
-
-class UserError(Exception):
-    """A mistake that the user can mend: one line that says what, where and the remedy."""
 
 
 def _known_rule(text: str) -> str:
@@ -161,6 +159,11 @@ class Settings(BaseModel):
         difference = radians(self.turn_deg) * self.wheel_base_m / 2
         slow, fast = self.turn_advance_m - difference, self.turn_advance_m + difference
         return (slow, fast), (fast, slow), (self.forward_m, self.forward_m)
+
+    @property
+    def step_size_rates(self) -> Array:
+        """Eq. (23): the step size of each episode as a share of alpha_0, shape (episodes,)."""
+        return np.array([decrease_rate(episode, self.first_episode) for episode in range(1, self.episodes + 1)])
 
     def with_changes(self, **changes: Any) -> "Settings":
         """A validated copy with some fields changed. Raises UserError for an unknown field or a value out of range."""

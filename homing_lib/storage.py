@@ -13,11 +13,20 @@ import numpy as np
 from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
-from homing_lib.settings import UserError
+from homing_lib.errors import DamagedFile, UserError
 
 
-class DamagedFile(UserError):
-    """A file that is there and cannot be read: one line that names it and says what is wrong."""
+def _repository() -> Path:
+    """The checkout that this package stands in; if it was installed without, the one worked in, or this folder."""
+    here = Path.cwd()
+    for folder in (Path(__file__).parent.parent, here, *here.parents):
+        if (folder / "data" / "STUDIES.md").exists():
+            return folder
+    return here
+
+
+ROOT = _repository()
+"""Where data/, figures/ and notebooks/ stand, and .build/ is made."""
 
 
 def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> None:

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import psutil
 
-from homing_lib import runs, studies
 from homing_lib.__main__ import main
-from homing_lib.runs import Study, sweep
 from homing_lib.settings import Settings
+from homing_lib.study import measures, runs, studies
+from homing_lib.study.runs import Study, sweep
 
 ROOT = Path(__file__).parent.parent
 SMALL = Settings(episodes=2, survey_steps=60, max_steps=40, image_size=16, bin_size=32)
@@ -33,7 +33,7 @@ STUDY = Study(
     "To be killed.",
     {"form 2": SMALL, "random": SMALL.with_changes(controller="random")},
     range(8),
-    studies.episodes,
+    measures.episodes,
 )
 
 VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 1), ("everything", 2))

@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from homing_lib import runs, studies
 from homing_lib.agent import (
     _NOT_SURVEYED,
     STEP_COLUMNS,
@@ -26,6 +25,7 @@ from homing_lib.lambdas import parse
 from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
+from homing_lib.study import runs, studies
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent

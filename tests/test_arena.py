@@ -10,8 +10,8 @@ import pytest
 
 from homing_lib.arena import Arena, paint
 from homing_lib.features import histogram, similarity
-from homing_lib.robot import INFRARED_ANGLES_DEG, Pose, Robot, wrapped
-from homing_lib.rooms import PAPER, ROOMS
+from homing_lib.robot import INFRARED_ANGLES_DEG, Robot, wrapped
+from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
 from homing_lib.thresholds import stopping_thresholds
 

@@ -18,8 +18,7 @@ from homing_lib.agent import run
 from homing_lib.arena import Arena
 from homing_lib.atlas import Lattice, open_atlas
 from homing_lib.environment import HomingEnv, free_pose, survey
-from homing_lib.robot import Pose
-from homing_lib.rooms import PAPER, ROOMS
+from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
 
 ROOT = Path(__file__).parent.parent

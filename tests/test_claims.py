@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homing_lib import claims, studies
-from homing_lib.claims import CLAIMS, Finding
+from homing_lib.study import claims, studies
+from homing_lib.study.claims import CLAIMS, Finding
 
 SEEDS = 10
 EPISODES = 20

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from homing_lib.__main__ import main
-from homing_lib.runs import load
 from homing_lib.settings import Settings
+from homing_lib.study.runs import load
 
 ROOT = Path(__file__).parent.parent
 TINY = ["--set", "episodes=2", "--set", "survey_steps=20", "--set", "max_steps=10"]

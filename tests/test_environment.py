@@ -19,10 +19,11 @@ from gymnasium.wrappers import FlattenObservation, TransformReward
 
 import homing_lib.atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv, reward, survey
+from homing_lib.errors import UserError
 from homing_lib.features import histogram
 from homing_lib.robot import GO_FORWARD, LEFT_FORWARD, RIGHT_FORWARD
 from homing_lib.rooms import PAPER
-from homing_lib.settings import Settings, UserError
+from homing_lib.settings import Settings
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent

@@ -7,10 +7,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from homing_lib import figures
+from homing_lib.publish import figures
 from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
-from homing_lib.statistics import Interval
+from homing_lib.study.statistics import Interval
 from homing_lib.thresholds import Thresholds
 
 RNG = np.random.default_rng(3)

@@ -7,13 +7,14 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from homing_lib import agent, runs
+from homing_lib import agent
 from homing_lib.__main__ import main
 from homing_lib.arena import Arena
-from homing_lib.film import FRAMES_A_SECOND, HOLD, Scene
+from homing_lib.publish.film import FRAMES_A_SECOND, HOLD, Scene
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
-from homing_lib.studies import HEADLINE
+from homing_lib.study import runs
+from homing_lib.study.studies import HEADLINE
 
 TINY = dict(image_size=16, survey_steps=10, episodes=2, max_steps=5, multiplier=1e6)
 """Two episodes of five steps each: no view resembles home that much."""
@@ -96,7 +97,7 @@ def test_curves_and_title_say_what_the_run_recorded(result):
 def test_a_stored_run_is_not_computed_again(result, tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "DATA", tmp_path)
     runs.save(result, runs.path_of(HEADLINE.folder, result.settings, 3))
-    monkeypatch.setattr("homing_lib.film.run", None)
+    monkeypatch.setattr("homing_lib.publish.film.run", None)
     assert homing_film(tmp_path / "film.gif") == 0
 
 
@@ -118,7 +119,7 @@ def test_a_stored_run_is_not_computed_again(result, tmp_path, monkeypatch):
 def test_what_cannot_be_filmed_is_one_line_and_nothing_is_computed_or_left(
     tmp_path, monkeypatch, capsys, out, options, line
 ):
-    monkeypatch.setattr("homing_lib.film.run", None)
+    monkeypatch.setattr("homing_lib.publish.film.run", None)
     path = tmp_path / out
     assert homing_film(path, *options) == 1
     assert capsys.readouterr().err == f"homing: {line.format(out=path)}\n"

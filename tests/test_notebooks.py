@@ -5,8 +5,8 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from homing_lib import notebooks
-from homing_lib.settings import UserError
+from homing_lib.errors import UserError
+from homing_lib.publish import notebooks
 
 PARAMETERS = 'profile = "full"\nfigures_dir = "../figures"'
 UNSTABLE = """

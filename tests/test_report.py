@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from homing_lib import claims, report
 from homing_lib.agent import STEP_COLUMNS, Run
-from homing_lib.settings import Settings, UserError
+from homing_lib.errors import UserError
+from homing_lib.publish import report
+from homing_lib.settings import Settings
+from homing_lib.study import claims
 
 ROOT = Path(__file__).parent.parent
 

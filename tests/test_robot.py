@@ -12,13 +12,12 @@ from homing_lib.robot import (
     INFRARED_ANGLES_DEG,
     LEFT_FORWARD,
     RIGHT_FORWARD,
-    Pose,
     Robot,
     arc,
     drive,
     wrapped,
 )
-from homing_lib.rooms import ROOMS, Ball, Box, Cone
+from homing_lib.rooms import ROOMS, Ball, Box, Cone, Pose
 from homing_lib.settings import Settings
 
 BASE = 0.053

@@ -11,15 +11,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from homing_lib import runs, studies
 from homing_lib.agent import Run, run
-from homing_lib.runs import Study, compare, fingerprint, load, load_study, load_table, path_of, save, sweep, verify
-from homing_lib.settings import Settings, UserError
+from homing_lib.errors import UserError
+from homing_lib.settings import Settings
+from homing_lib.study import measures, runs
+from homing_lib.study.runs import (
+    Study,
+    compare,
+    fingerprint,
+    load,
+    load_study,
+    load_table,
+    path_of,
+    save,
+    sweep,
+    verify,
+)
 
 ROOT = Path(__file__).parent.parent
 TINY = Settings(episodes=2, survey_steps=20, max_steps=10)
 STUDY = Study("tiny", "To be quick.", {"form 2": TINY, "random": TINY.with_changes(controller="random")}, range(3))
-TABLE = replace(STUDY, measure=studies.episodes)
+TABLE = replace(STUDY, measure=measures.episodes)
 
 both_kinds = pytest.mark.parametrize("study", [STUDY, TABLE], ids=["every step", "table"])
 
@@ -214,7 +226,7 @@ def test_a_table_holds_the_measure_of_each_run_by_condition_and_seed():
     table = load_table(TABLE)
     assert len(table) == 2 * 3 * TINY.episodes
     for (label, seed), rows in table.groupby(["condition", "seed"], observed=True):
-        alone = studies.episodes(TABLE.conditions[label], seed)
+        alone = measures.episodes(TABLE.conditions[label], seed)
         for name, values in alone.items():
             np.testing.assert_array_equal(rows[name], values.astype(np.float32))
 
@@ -251,7 +263,7 @@ def test_the_fingerprint_changes_when_the_data_do_and_only_then(study, tmp_path,
 SWEEP = """
 import sys
 from pathlib import Path
-from homing_lib import runs, studies
+from homing_lib.study import runs, studies
 from homing_lib.__main__ import main
 from homing_lib.settings import Settings
 runs.DATA = Path(sys.argv[1]) / "data"

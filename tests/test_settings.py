@@ -5,7 +5,8 @@ from typing import get_args
 import pytest
 from pydantic import ValidationError
 
-from homing_lib.settings import Settings, UserError, parse_settings
+from homing_lib.errors import UserError
+from homing_lib.settings import Settings, parse_settings
 
 FIELDS = Settings.model_fields
 

@@ -6,18 +6,8 @@ import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.settings import Settings
-from homing_lib.statistics import (
-    Interval,
-    band,
-    by_episode,
-    episodes_of,
-    interval,
-    iqm,
-    judged,
-    probability_of_improvement,
-    ratio,
-    side,
-)
+from homing_lib.study.runs import by_episode, episodes_of
+from homing_lib.study.statistics import Interval, band, interval, iqm, judged, probability_of_improvement, ratio, side
 
 
 def run(lengths, episodes=3, diverged=0):

@@ -10,14 +10,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homing_lib import atlas, runs, studies
+from homing_lib import atlas
 from homing_lib.agent import STEP_COLUMNS, RandomAgent, Run, run, run_episode
 from homing_lib.environment import HomingEnv
-from homing_lib.robot import Pose, drive
-from homing_lib.rooms import PAPER
-from homing_lib.runs import DATA, load_table
-from homing_lib.settings import Settings, UserError
-from homing_lib.studies import EPISODE_COLUMNS, Kidnapped, episode_table
+from homing_lib.errors import UserError
+from homing_lib.robot import drive
+from homing_lib.rooms import PAPER, Pose
+from homing_lib.settings import Settings
+from homing_lib.study import measures, runs, studies
+from homing_lib.study.measures import EPISODE_COLUMNS, Kidnapped, episode_table
+from homing_lib.study.runs import DATA, load_table
 from tests.kills import SMALL
 
 STUDIES = []
@@ -167,10 +169,10 @@ def test_a_robot_is_kidnapped_in_every_episode():
 
 
 def test_trials_begin_everywhere_and_where_a_kidnapper_says_and_in_other_light(monkeypatch):
-    monkeypatch.setattr(studies, "TRIAL_STEPS", 10)
+    monkeypatch.setattr(measures, "TRIAL_STEPS", 10)
     few = list(range(3))
-    monkeypatch.setattr(studies, "starts_everywhere", lambda env: [Pose(0.2, 0.5, float(k)) for k in few])
-    table = studies.trials(SMALL, 0)
+    monkeypatch.setattr(measures, "starts_everywhere", lambda env: [Pose(0.2, 0.5, float(k)) for k in few])
+    table = measures.trials(SMALL, 0)
     rows = list(zip(*table.values(), strict=True))
     assert tuple(table) == ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
     assert Counter((row[0], row[-1]) for row in rows) == {(0, 1): 3, (1, 1): 40, (0, 0.97): 40, (0, 1.03): 40}
@@ -183,13 +185,13 @@ def test_trials_begin_everywhere_and_where_a_kidnapper_says_and_in_other_light(m
 
 
 def test_trials_of_a_run_that_diverged_keep_one_row_without_numbers():
-    table = studies.trials(SMALL.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9, max_steps=400), 0)
+    table = measures.trials(SMALL.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9, max_steps=400), 0)
     assert all(len(values) == 1 and np.isnan(values).all() for values in table.values())
 
 
 def test_starts_cover_the_room_where_the_robot_fits():
     with HomingEnv(SMALL) as env:
-        starts = list(studies.starts_everywhere(env))
+        starts = list(measures.starts_everywhere(env))
         assert all(env.world.clearance(*pose[:2]) >= 0 for pose in starts)
     places = Counter(pose[:2] for pose in starts)
     assert set(places.values()) == {8}
@@ -244,7 +246,7 @@ def coarse(tmp_path_factory):
 
 def test_no_episode_is_shorter_than_the_shortest_way(coarse):
     for seed in (1000, 1001):
-        least = studies.shortest(coarse, seed)["steps"]
+        least = measures.shortest(coarse, seed)["steps"]
         learnt = run(coarse, seed)
         assert least.shape == (1,)
         assert learnt.reached.any()
@@ -252,7 +254,7 @@ def test_no_episode_is_shorter_than_the_shortest_way(coarse):
 
 
 def test_views_compare_the_camera_with_the_atlas(coarse):
-    table = studies.views(coarse, 0)
+    table = measures.views(coarse, 0)
     assert tuple(table) == ("x", "y", "heading", "camera", "atlas")
     assert all(values.shape == (400,) for values in table.values())
     camera, looked_up = table["camera"], table["atlas"]
@@ -275,7 +277,7 @@ def test_data_readme_names_every_column_of_every_measure(coarse):
     for section, names in columns.items():
         assert set(names) <= sections[section], section
     measures = {study.measure for study in STUDIES}
-    assert measures == {None, studies.episodes, studies.trials, studies.views, studies.shortest}
+    assert measures == {None, measures.episodes, measures.trials, measures.views, measures.shortest}
 
 
 @each_table
@@ -283,7 +285,7 @@ def test_a_stored_table_is_of_its_study_as_it_stands_and_complete(study):
     table = load_table(study)
     rows = table.groupby(["condition", "seed"], observed=True).size()
     assert len(rows) == len(study.conditions) * len(study.seeds)
-    if study.measure is studies.episodes:
+    if study.measure is measures.episodes:
         assert tuple(table)[2:] == EPISODE_COLUMNS
         assert all(rows[label].eq(settings.episodes).all() for label, settings in study.conditions.items())
         finished = table.diverged == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from homing_lib.notebooks import REPRODUCIBLE
+from homing_lib.publish.notebooks import REPRODUCIBLE
 
 ROOT = Path(__file__).parent.parent
 

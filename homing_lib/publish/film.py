@@ -17,14 +17,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from tqdm import tqdm
 
-from homing_lib import runs
 from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.arena import Arena
-from homing_lib.environment import room_named
-from homing_lib.figures import BLUE, INK, ORANGE, STYLE
-from homing_lib.robot import Pose
-from homing_lib.settings import Settings, UserError
-from homing_lib.studies import HEADLINE
+from homing_lib.errors import UserError
+from homing_lib.publish.figures import BLUE, INK, ORANGE, STYLE
+from homing_lib.rooms import Pose, room_named
+from homing_lib.settings import Settings
+from homing_lib.study import runs
+from homing_lib.study.studies import HEADLINE
 from homing_lib.thresholds import stopping_thresholds
 
 FRAMES_A_SECOND = 4

@@ -7,10 +7,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from homing_lib import figures, study_figures
+from homing_lib.publish import figures, plots
+from homing_lib.publish.plots import Column
 from homing_lib.rooms import ROOMS
-from homing_lib.statistics import Interval
-from homing_lib.study_figures import Column
+from homing_lib.study.statistics import Interval
 
 RNG = np.random.default_rng(3)
 RUNS = RNG.uniform(20, 200, (6, 20))
@@ -20,25 +20,21 @@ SHARES = {name: Interval(0.5, 0.4, 0.6) for name in ("one", "three")}  # none fo
 X, Y = (values.ravel() for values in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
 
 PLOTS = {
-    "depth": lambda: study_figures.trace_depth({"a": np.tril(RUNS[:, :6] / 200), "b": np.eye(6)}),
-    "parting": lambda: study_figures.parting({"a": (np.zeros(12), np.ones(12))}, {"a": 2}),
-    "step sizes": lambda: study_figures.over_step_sizes(
+    "depth": lambda: plots.trace_depth({"a": np.tril(RUNS[:, :6] / 200), "b": np.eye(6)}),
+    "parting": lambda: plots.parting({"a": (np.zeros(12), np.ones(12))}, {"a": 2}),
+    "step sizes": lambda: plots.over_step_sizes(
         np.array([0.1, 0.2, 0.4]), {"a": RUNS[:, :3], "b": np.where([0, 0, 1], np.inf, RUNS[:, :3])}, "error", 300
     ),
-    "curves": lambda: study_figures.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
-    "curves with a level": lambda: study_figures.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
-    "forest": lambda: study_figures.forest(Column("difference", FOUND, 0.0), shared=True),
-    "forest of columns": lambda: study_figures.forest(
-        Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)
-    ),
-    "forest, log": lambda: study_figures.forest(Column("steps", SHARES, log=True, text=".2f")),
-    "heat map": lambda: study_figures.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
-    "marginals": lambda: study_figures.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
-    "lattices": lambda: study_figures.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
-    "room": lambda: study_figures.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
-    "light": lambda: study_figures.similarity_by_light(
-        np.linspace(0.8, 1.2, 9), 1 - abs(np.linspace(-0.2, 0.2, 9)), 0.9
-    ),
+    "curves": lambda: plots.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
+    "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
+    "forest": lambda: plots.forest(Column("difference", FOUND, 0.0), shared=True),
+    "forest of columns": lambda: plots.forest(Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)),
+    "forest, log": lambda: plots.forest(Column("steps", SHARES, log=True, text=".2f")),
+    "heat map": lambda: plots.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
+    "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
+    "lattices": lambda: plots.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
+    "room": lambda: plots.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
+    "light": lambda: plots.similarity_by_light(np.linspace(0.8, 1.2, 9), 1 - abs(np.linspace(-0.2, 0.2, 9)), 0.9),
 }
 
 
@@ -57,14 +53,14 @@ def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_pat
 
 
 def test_an_interval_is_marked_by_the_side_of_the_reference_on_which_all_of_it_lies():
-    (axes,) = study_figures.forest(Column("difference", FOUND, 0.0)).axes
+    (axes,) = plots.forest(Column("difference", FOUND, 0.0)).axes
     assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["s", "D", "o"]
-    (axes,) = study_figures.forest(Column("success", FOUND, 0.0, more=True)).axes
+    (axes,) = plots.forest(Column("success", FOUND, 0.0, more=True)).axes
     assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["o", "D", "s"]
 
 
 def test_names_at_the_ends_of_curves_do_not_overlap():
-    figure = study_figures.curves({"": {name: RUNS for name in ("a", "b", "c")}}, "steps")
+    figure = plots.curves({"": {name: RUNS for name in ("a", "b", "c")}}, "steps")
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in figure.axes[0].texts]
     assert len(boxes) == 3
@@ -73,7 +69,5 @@ def test_names_at_the_ends_of_curves_do_not_overlap():
 
 @pytest.mark.filterwarnings("error")
 def test_a_curve_that_is_nowhere_low_enough_is_named_nonetheless():
-    figure = study_figures.over_step_sizes(
-        np.array([0.1, 0.2]), {"a": RUNS[:, :2], "b": RUNS[:, :2] + 900}, "error", 300
-    )
+    figure = plots.over_step_sizes(np.array([0.1, 0.2]), {"a": RUNS[:, :2], "b": RUNS[:, :2] + 900}, "error", 300)
     assert [text.get_text() for text in figure.axes[0].texts] == ["a", "b: beyond 300"]

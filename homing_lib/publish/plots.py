@@ -16,9 +16,20 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from homing_lib.features import Array
-from homing_lib.figures import BLUE, GREEN, GREY, INK, ORANGE, SKY, TEXT_WIDTH, draw_floor_plan, draw_robot, styled
+from homing_lib.publish.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    SKY,
+    TEXT_WIDTH,
+    draw_floor_plan,
+    draw_robot,
+    styled,
+)
 from homing_lib.rooms import Room
-from homing_lib.statistics import Interval, band, side
+from homing_lib.study.statistics import Interval, band, side
 
 LINES = (
     (BLUE, "-"),

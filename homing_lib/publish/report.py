@@ -4,27 +4,27 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from homing_lib import claims, runs, studies
 from homing_lib.agent import Run
-from homing_lib.claims import step_size_rates
-from homing_lib.environment import room_named
 from homing_lib.features import bins_per_channel
 from homing_lib.robot import wrapped
+from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.statistics import Interval, by_episode, interval, ratio
-from homing_lib.studies import WINDOW
+from homing_lib.storage import ROOT
+from homing_lib.study import claims, runs, studies
+from homing_lib.study.measures import WINDOW
+from homing_lib.study.runs import by_episode
+from homing_lib.study.statistics import Interval, interval, ratio
 from homing_lib.thresholds import stopping_thresholds
 
 WELL_BELOW = 0.75
 """A ratio of mean steps counts as "well below" if it is no larger than this and its interval excludes 1."""
 
-VERIFIED = Path(__file__).parent.parent / ".build" / "verified"
+VERIFIED = ROOT / ".build" / "verified"
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def headline(learnt: Sequence[Run], random: Sequence[Run]) -> Headline:
     steps, chance = by_episode(learnt), by_episode(random)
     first, last, level = steps[:, :window].mean(axis=1), steps[:, -window:].mean(axis=1), chance.mean(axis=1)
     changes = by_episode(learnt, "change")
-    rates = step_size_rates(settings)
+    rates = settings.step_size_rates
     return Headline(
         settings,
         len(learnt),
@@ -163,7 +163,7 @@ def numbers(h: Headline) -> dict[str, str]:
     """The macros by name, without the backslash."""
     s = h.settings
     psi = stopping_thresholds(s.multiplier)
-    rates = step_size_rates(s)
+    rates = s.step_size_rates
     texts = {
         "conclusion": conclusion(h),
         "verdict": h.verdict,

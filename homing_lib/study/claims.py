@@ -13,13 +13,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from homing_lib import studies
 from homing_lib.features import Array
-from homing_lib.policy import decrease_rate
-from homing_lib.runs import Study, load_table
 from homing_lib.settings import Settings
-from homing_lib.statistics import MARGIN, Interval, episodes_of, interval, iqm, judged, ratio, side
-from homing_lib.studies import WINDOW
+from homing_lib.study import measures, studies
+from homing_lib.study.measures import WINDOW
+from homing_lib.study.runs import Study, episodes_of, load_table
+from homing_lib.study.statistics import MARGIN, Interval, interval, iqm, judged, ratio, side
 
 CLAIMS = {
     2: "a conjugate λ is better than fixed ones, or comparable",
@@ -171,13 +170,8 @@ def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
     return {
         "a whole episode": change,
         "a step": change / steps,
-        "a step, by the step size": change / steps / (settings.alpha0 * step_size_rates(settings)),
+        "a step, by the step size": change / steps / (settings.alpha0 * settings.step_size_rates),
     }
-
-
-def step_size_rates(settings: Settings) -> Array:
-    """Eq. (23): the step size of each episode as a share of alpha_0."""
-    return np.array([decrease_rate(episode, settings.first_episode) for episode in range(1, settings.episodes + 1)])
 
 
 # --- Judges ----------------------------------------------------------------------------------------------------------
@@ -226,11 +220,11 @@ def from_almost_anywhere(trials: Any, references: Any) -> _Judged:
     placed = trials[(trials.kidnapped == 0) & (trials.light == 1) & (trials.condition == "20 episodes")]
     found = success(placed)
     worst = placed.groupby(["x", "y"]).reached.mean().min()
-    by_chance = _interval((episodes_of(references, "random") <= studies.TRIAL_STEPS).mean(axis=1))
+    by_chance = _interval((episodes_of(references, "random") <= measures.TRIAL_STEPS).mean(axis=1))
     partly: Verdict = "partly reproduced" if found.low > 0.5 else "not reproduced"
     return (
         "reproduced" if found.low >= 0.95 else partly,
-        f"After 20 episodes {_percent(found)} % of the trials reach home within {studies.TRIAL_STEPS} steps, from the "
+        f"After 20 episodes {_percent(found)} % of the trials reach home within {measures.TRIAL_STEPS} steps, from the "
         f"worst place {worst:.0%}; random actions, from the usual start alone, which is a hard one, "
         f"{_percent(by_chance)} %.",
     )

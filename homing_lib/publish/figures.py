@@ -19,10 +19,9 @@ from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
-from homing_lib.robot import Pose
-from homing_lib.rooms import Box, Room
+from homing_lib.rooms import Box, Pose, Room
 from homing_lib.settings import Settings
-from homing_lib.statistics import Interval
+from homing_lib.study.statistics import Interval
 from homing_lib.thresholds import Thresholds
 
 Image = NDArray[np.uint8]

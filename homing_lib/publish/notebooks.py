@@ -21,9 +21,10 @@ from typing import Any, Literal
 import nbformat
 from traitlets.config import Config
 
-from homing_lib.settings import UserError
+from homing_lib.errors import UserError
+from homing_lib.storage import ROOT
 
-NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+NOTEBOOKS = ROOT / "notebooks"
 DEFAULTS = {"profile": "full", "figures_dir": "../figures"}
 # As in the Makefile, so that a notebook run without make gives the same bytes.
 REPRODUCIBLE = {

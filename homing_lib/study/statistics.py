@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from homing_lib.agent import Run
 from homing_lib.features import Array
-from homing_lib.settings import Settings
 
 RESAMPLES = 9999
 
@@ -30,31 +28,6 @@ class Interval(NamedTuple):
 
     def __format__(self, each: str) -> str:
         return f"{self.value:{each}} [{self.low:{each}}, {self.high:{each}}]"
-
-
-def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
-    """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
-
-    What a run that diverged did not finish counts as `max_steps` steps, for its robot would not come home, and as NaN
-    in every column.
-    """
-    table = np.full((len(runs), max(run.settings.episodes for run in runs)), np.nan)
-    for row, run in zip(table, runs, strict=True):
-        if column is None:
-            row[: run.settings.episodes] = run.settings.max_steps
-            row[: len(run.lengths)] = run.lengths
-        else:
-            ends = np.cumsum(run.lengths)
-            sums = np.concatenate([[0.0], np.cumsum(run.column(column))])
-            row[: len(ends)] = sums[ends] - sums[ends - run.lengths]
-    return table
-
-
-def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
-    """The same of a study's table: shape (runs, episodes), seeds in order. NaN steps again count as `max_steps`."""
-    rows = table[table.condition == condition].sort_values(["seed", "episode"])
-    values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
-    return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
 
 
 def iqm(values: ArrayLike, axis: int | None = None) -> Any:

@@ -6,195 +6,15 @@ of `Settings`. Everything that is judged runs on seeds from 1000 up.
 
 from collections.abc import Iterator
 from functools import cache
-from itertools import product
-from math import degrees, floor, pi
 from typing import Any
 
-import gymnasium
 import numpy as np
 
-from homing_lib.agent import STEP_COLUMNS, Agent, Run, Settled, run, run_episode
-from homing_lib.arena import Arena
-from homing_lib.environment import HomingEnv, free_pose, room_named
-from homing_lib.features import similarity
-from homing_lib.robot import Pose, drive, wrapped
-from homing_lib.runs import DATA, Columns, Study, load_table
 from homing_lib.settings import Settings
-from homing_lib.thresholds import stopping_thresholds
+from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, views
+from homing_lib.study.runs import DATA, Study, load_table
 
 JUDGED = range(1000, 1050)
-
-WINDOW = 5
-"""Episodes at each end of a run that are compared: the first five with the last five."""
-
-EPISODE_COLUMNS = (
-    "episode",  # 1, 2, ...
-    "steps",
-    "reached",  # 1: ended at home, 0: truncated
-    "return",  # sum of the rewards
-    "change",  # sum of the lengths of the weights' changes
-    "lambda",  # mean
-    "clipped",  # share of steps
-    "at_wall",  # share of steps
-    "distance_m",  # of the last pose from home
-    "angle_deg",  # of the last heading to home's
-    "diverged",  # 1: the weights had left the finite numbers; no other number then
-)
-"""What `episodes` keeps, a row an episode."""
-
-
-# --- What is kept of a run -------------------------------------------------------------------------------------------
-
-
-def episodes(settings: Settings, seed: int) -> Columns:
-    """A row an episode, EPISODE_COLUMNS; those after a divergence too."""
-    return episode_table(run(settings, seed))
-
-
-def episode_table(result: Run) -> Columns:
-    """The episodes of a run as columns."""
-    count, done = result.settings.episodes, len(result.lengths)
-    table = {name: np.full(count, np.nan) for name in EPISODE_COLUMNS}
-    table["episode"] = np.arange(1.0, count + 1)
-    table["diverged"] = (table["episode"] > done).astype(float)
-    if done:
-        starts, last = result.ended - result.lengths, result.steps[result.ended - 1]
-        total = dict(zip(STEP_COLUMNS, np.add.reduceat(result.steps, starts.astype(int)).T, strict=True))
-        home = room_named(result.settings.room).home
-        finished = {
-            "steps": result.lengths,
-            "reached": result.reached,
-            "return": total["reward"],
-            "change": total["change"],
-            "lambda": total["lambda"] / result.lengths,
-            "clipped": total["clipped"] / result.lengths,
-            "at_wall": total["at_wall"] / result.lengths,
-            "distance_m": np.hypot(last[:, 0] - home.x, last[:, 1] - home.y),
-            "angle_deg": [abs(degrees(wrapped(heading - home.heading))) for heading in last[:, 2]],
-        }
-        for name, values in finished.items():
-            table[name][:done] = values
-    return table
-
-
-TRIAL_STEPS = 300
-"""A robot that has not come home by then is counted as lost."""
-
-TRIAL_LIGHTS = (1.0, 0.97, 1.03)
-"""Brightness of the trials: as learnt, and changed so little that home still looks like home."""
-
-
-def trials(settings: Settings, seed: int) -> Columns:
-    """After learning: one episode without learning from everywhere, and from where a kidnapper puts the robot.
-
-    A row a trial: `kidnapped` (0: started there; 1: carried there after eight steps from the usual start), the pose
-    `x`, `y` (m), `heading` (rad), `steps` from there, `reached`, and `light` of the trial (1: as learnt). A run that
-    diverged has nothing to try: one row without numbers.
-    """
-    rows: list[tuple[float, ...]] = []
-
-    def afterwards(env: HomingEnv, agent: Agent) -> None:
-        rng = np.random.default_rng([seed, 2])
-        settled = Settled(agent)
-        everywhere = list(starts_everywhere(env))
-        somewhere = [free_pose(env.world, env.room, rng) for _ in range(40)]
-        for light in TRIAL_LIGHTS:
-            now = settings.with_changes(light=light, max_steps=TRIAL_STEPS)
-            with HomingEnv(now, observation="features", model=env.model) as world:
-                world.reset(seed=seed)
-                for pose in everywhere if light == 1 else somewhere:
-                    steps, reached = run_episode(world, settled, {"start": pose})
-                    rows.append((0, *pose, len(steps), reached, light))
-                for pose in somewhere if light == 1 else ():
-                    steps, reached = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), settled)
-                    rows.append((1, *pose, len(steps) - _KIDNAPPED_AT, reached, light))
-
-    names = ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
-    run(settings, seed, afterwards=afterwards)
-    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
-
-
-_KIDNAPPED_AT = 8
-
-
-class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """The same world, in which somebody carries the robot to another pose after some steps."""
-
-    def __init__(self, env: HomingEnv, after: int, pose: Pose) -> None:
-        super().__init__(env)
-        self._home_env, self._after, self._pose = env, after, pose
-
-    def reset(self, **arguments: Any) -> Any:
-        """Begin an episode."""
-        self._left = self._after
-        return super().reset(**arguments)
-
-    def step(self, action: Any) -> Any:
-        """One step; after the stated number of them the robot finds itself elsewhere before it moves."""
-        if self._left == 0:
-            self._home_env.place(self._pose)
-        self._left -= 1
-        return super().step(action)
-
-
-def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8) -> Iterator[Pose]:
-    """Free poses on a grid over the whole room."""
-    width, depth = env.room.size
-    for x, y in product(np.arange(spacing_m / 2, width, spacing_m), np.arange(spacing_m / 2, depth, spacing_m)):
-        if env.world.clearance(x, y) >= 0:
-            yield from (Pose(float(x), float(y), wrapped(2 * pi * k / headings)) for k in range(headings))
-
-
-def views(settings: Settings, seed: int) -> Columns:
-    """The similarity of 400 random free views to home by the camera, `camera`, and by the settings' atlas, `atlas`."""
-    rows: list[tuple[float, ...]] = []
-
-    def afterwards(env: HomingEnv, agent: Agent) -> None:
-        assert env.model is not None
-        rng = np.random.default_rng([seed, 3])
-        with Arena(env.room, settings) as camera:
-            for pose in (free_pose(camera, env.room, rng) for _ in range(400)):
-                nrb = [similarity(env.model.features(world.histogram(pose))) for world in (camera, env.world)]
-                rows.append((*pose, *nrb))
-
-    run(settings.with_changes(episodes=1, max_steps=1), seed, afterwards=afterwards)
-    return dict(zip(("x", "y", "heading", "camera", "atlas"), np.array(rows).T, strict=True))
-
-
-def shortest(settings: Settings, seed: int) -> Columns:
-    """The least number of steps from the start to a view that ends an episode, under the same actions.
-
-    Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
-    the cells hide. Moves that a wall stops are left out.
-    """
-    found: list[float] = []
-
-    def afterwards(env: HomingEnv, agent: Agent) -> None:
-        found.append(_search(env))
-
-    run(settings.with_changes(episodes=1, controller="random"), seed, afterwards=afterwards)
-    return {"steps": np.array(found)}
-
-
-def _search(env: HomingEnv) -> float:
-    s, model = env.settings, env.model
-    assert model is not None
-    upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [env.room.start], set()
-    for steps in range(1, s.max_steps + 1):
-        reached = []
-        for pose, (left, right) in product(frontier, s.wheel_commands_m):
-            there, stopped = drive(pose, left, right, s.wheel_base_m, env.world.clearance)
-            cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36)
-            if stopped or cell in seen:
-                continue
-            if similarity(model.features(env.world.histogram(there))) >= upper:
-                return float(steps)
-            seen.add(cell)
-            reached.append(there)
-        frontier = reached
-    return float("nan")
-
 
 # --- Calibration, on seeds that nothing is judged by -----------------------------------------------------------------
 
@@ -445,8 +265,8 @@ def page() -> str:
     """That page, in Markdown: of each study the reason, the seeds, what is kept, and the settings of its conditions."""
     parts = [
         "# The studies",
-        "Written by `make data` from [`homing_lib/studies.py`](../homing_lib/studies.py). A condition is the default "
-        "settings (`homing settings`), changed as stated.",
+        "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py). A condition is the "
+        "default settings (`homing settings`), changed as stated.",
     ]
     for study in in_order():
         seeds = f"{min(study.seeds)} to {max(study.seeds)}"

@@ -26,17 +26,19 @@ import pandas as pd
 from joblib.externals.loky.backend import resource_tracker
 from tqdm import tqdm
 
+import homing_lib
 from homing_lib.agent import Run, run
 from homing_lib.atlas import open_atlas
-from homing_lib.environment import room_named
+from homing_lib.errors import DamagedFile, UserError
 from homing_lib.features import Array
-from homing_lib.settings import Settings, UserError, parse_settings
-from homing_lib.storage import DamagedFile, read_arrays, remove_leftovers, write_arrays, write_bytes
+from homing_lib.rooms import room_named
+from homing_lib.settings import Settings, parse_settings
+from homing_lib.storage import ROOT, read_arrays, remove_leftovers, write_arrays, write_bytes
 
-DATA = Path(__file__).parent.parent / "data"
+DATA = ROOT / "data"
 """What is committed: complete runs of the headline, and one table for every other study."""
 
-SCRATCH = DATA.parent / ".build" / "runs"
+SCRATCH = ROOT / ".build" / "runs"
 """The single runs from which tables are made."""
 
 tqdm.monitor_interval = 0  # a thread that could take Ctrl-C in place of the main one
@@ -135,7 +137,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _made_by() -> dict[str, str]:
     source = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.glob("*.py")):
+    for file in sorted(Path(homing_lib.__file__).parent.rglob("*.py")):
         source.update(file.name.encode() + file.read_bytes())
     packages = {package: version(package) for package in _PACKAGES}
     return packages | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
@@ -270,6 +272,34 @@ def load_study(study: Study) -> dict[str, list[Run]]:
         label: [_run(path_of(study.folder, settings, seed), *_stored(study, settings, seed)) for seed in study.seeds]
         for label, settings in study.conditions.items()
     }
+
+
+# --- Episodes -------------------------------------------------------------------------------------------------------
+
+
+def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
+    """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
+
+    What a run that diverged did not finish counts as `max_steps` steps, for its robot would not come home, and as NaN
+    in every column.
+    """
+    table = np.full((len(runs), max(one.settings.episodes for one in runs)), np.nan)
+    for row, one in zip(table, runs, strict=True):
+        if column is None:
+            row[: one.settings.episodes] = one.settings.max_steps
+            row[: len(one.lengths)] = one.lengths
+        else:
+            ends = np.cumsum(one.lengths)
+            sums = np.concatenate([[0.0], np.cumsum(one.column(column))])
+            row[: len(ends)] = sums[ends] - sums[ends - one.lengths]
+    return table
+
+
+def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
+    """The same of a study's table: shape (runs, episodes), seeds in order. NaN steps again count as `max_steps`."""
+    rows = table[table.condition == condition].sort_values(["seed", "episode"])
+    values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
+    return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
 
 
 # --- Tables -------------------------------------------------------------------------------------------------------

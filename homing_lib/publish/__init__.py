@@ -1,0 +1,1 @@
+"""What readers see: figures, film, numbers for LaTeX, executed notebooks. It knows the study and the model."""
