@@ -5,6 +5,7 @@ paper is silent. `printed` in a field's extra is what the paper prints, where th
 """
 
 import hashlib
+from functools import partial
 from math import radians
 from typing import Annotated, Any, Literal
 
@@ -22,8 +23,13 @@ def _known_rule(text: str) -> str:
     return str(lambdas.parse(text))
 
 
-def _field(default: Any, description: str, printed: str | None = None, **bounds: Any) -> Any:
-    return Field(default, description=description, json_schema_extra={"printed": printed}, **bounds)
+def _field(default: Any, description: str, printed: str | None = None, scope: str = "", **bounds: Any) -> Any:
+    return Field(default, description=description, json_schema_extra={"printed": printed, "scope": scope}, **bounds)
+
+
+_view = partial(_field, scope="view")  # what is seen, felt and touched at a pose depends on it
+_lattice = partial(_field, scope="lattice")  # where an atlas has its poses
+_survey = partial(_field, scope="survey")  # beyond these, what the robot knows of home before it learns
 
 
 class Settings(BaseModel):
@@ -46,8 +52,8 @@ class Settings(BaseModel):
         0.3, "Table I, ep_0 as a share of EP: how soon alpha, epsilon and tau fall (eq. 23)", "0.3 EP = 6", ge=0
     )
     discount: float = _field(1.0, "Table I, gamma", "1", ge=0, le=1)
-    snapshots: int = _field(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
-    bin_size: int = _field(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
+    snapshots: int = _survey(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
+    bin_size: int = _view(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
     multiplier: float = _field(
         12.0, "Eq. (19): psi_upper from this, psi_lower from one less", "11 and 12: .904 and .908", gt=1
     )
@@ -85,52 +91,56 @@ class Settings(BaseModel):
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
 
     # --- Features (section III.B) ------------------------------------------------------------------------------------
-    variance: Variance = _field(
+    variance: Variance = _survey(
         "pooled",
         "Eq. (12), calibrated: one sigma^2 for all bins; with one a bin (eq. 8) the published thresholds leave a home "
         "too small for the robot's steps",
         "both",
     )
-    centre: Centre = _field("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
-    survey_steps: int = _field(
+    centre: Centre = _survey("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
+    survey_steps: int = _survey(
         2000, "Eq. (9), T. Declared: steps of the random drive before learning that estimates sigma^2", ge=2
     )
-    variance_floor_pixels: float = _field(
+    variance_floor_pixels: float = _survey(
         1.0, "Declared: least sigma of a bin, in pixels, so that a bin that never varies keeps a feature", gt=0
     )
-    snapshot_angle_deg: float = _field(
+    snapshot_angle_deg: float = _survey(
         20.0, "Declared: the angle of the two further snapshots of the earlier model (m = 3) to the first", gt=0, le=90
     )
 
     # --- Camera ---------------------------------------------------------------------------------------------------
-    image_size: int = _field(64, "Declared: pixels on a side, the simulator's Khepera camera", ge=8, le=512)
-    field_of_view_deg: float = _field(45.0, "Declared: the simulator's Khepera camera", ge=10, le=120)
-    camera_height_m: float = _field(0.035, "Declared: on top of the 30 mm body", gt=0, le=0.3)
-    camera_offset_m: float = _field(-0.010, "Declared: along the heading from the centre", ge=-0.03, le=0.03)
-    light: float = _field(1.0, "Declared: brightness; others than 1 test robustness", gt=0, le=2)
+    image_size: int = _view(64, "Declared: pixels on a side, the simulator's Khepera camera", ge=8, le=512)
+    field_of_view_deg: float = _view(45.0, "Declared: the simulator's Khepera camera", ge=10, le=120)
+    camera_height_m: float = _view(0.035, "Declared: on top of the 30 mm body", gt=0, le=0.3)
+    camera_offset_m: float = _view(-0.010, "Declared: along the heading from the centre", ge=-0.03, le=0.03)
+    light: float = _view(1.0, "Declared: brightness; others than 1 test robustness", gt=0, le=2)
 
     # --- Robot (Khepera II) and its three actions ---------------------------------------------------------------------
-    wheel_base_m: float = _field(0.053, "Declared: Khepera II", gt=0, le=0.07)
-    body_diameter_m: float = _field(0.070, "Section IV: 70 mm in diameter", "70 mm", gt=0, le=0.2)
-    forward_m: float = _field(0.040, "Declared, calibrated: both wheels' way in one forward action", gt=0, le=0.2)
-    turn_deg: float = _field(20.0, "Declared, calibrated: rotation of one left or right action", gt=0, le=90)
-    turn_advance_m: float = _field(
+    wheel_base_m: float = _survey(0.053, "Declared: Khepera II", gt=0, le=0.07)
+    body_diameter_m: float = _view(0.070, "Section IV: 70 mm in diameter", "70 mm", gt=0, le=0.2)
+    forward_m: float = _survey(0.040, "Declared, calibrated: both wheels' way in one forward action", gt=0, le=0.2)
+    turn_deg: float = _survey(20.0, "Declared, calibrated: rotation of one left or right action", gt=0, le=90)
+    turn_advance_m: float = _survey(
         0.030, "Declared, calibrated: mean way of the wheels in one turning action", ge=0, le=0.2
     )
-    infrared_range_m: float = _field(0.050, "Declared: Khepera II", gt=0, le=0.5)
-    clear_way_m: float = _field(
+    infrared_range_m: float = _view(0.050, "Declared: Khepera II", gt=0, le=0.5)
+    clear_way_m: float = _survey(
         0.045, "Declared: the reactive turn ends when all four front infra-red rays see at least this far", ge=0
     )
-    wheel_slip: float = _field(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
+    wheel_slip: float = _survey(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
 
     # --- Experiment ------------------------------------------------------------------------------------------------
-    room: str = _field("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    room: str = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
     controller: Literal["sarsa", "random", "climb"] = _field(
         "sarsa", "Fig. 2, or what it is measured against: random actions, or a climb up the similarity", "sarsa"
     )
-    images: Literal["camera", "atlas"] = _field("camera", "Declared: rendered at every step, or looked up on a lattice")
-    atlas_spacing_m: float = _field(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
-    atlas_heading_deg: int = _field(10, "Declared: between neighbouring headings of the atlas, a divisor of 360", ge=1)
+    images: Literal["camera", "atlas", "compact"] = _survey(
+        "camera", "Declared: rendered at every step, looked up on a lattice, or on the coarser one that comes along"
+    )
+    atlas_spacing_m: float = _lattice(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
+    atlas_heading_deg: int = _lattice(
+        10, "Declared: between neighbouring headings of the atlas, a divisor of 360", ge=1
+    )
     max_steps: int = _field(2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1)
 
     @model_validator(mode="after")
@@ -164,6 +174,11 @@ class Settings(BaseModel):
     def step_size_rates(self) -> Array:
         """Eq. (23): the step size of each episode as a share of alpha_0, shape (episodes,)."""
         return np.array([decrease_rate(episode, self.first_episode) for episode in range(1, self.episodes + 1)])
+
+    def of_scope(self, *scopes: str) -> dict[str, Any]:
+        """The fields tagged "view", "lattice" or "survey", by name."""
+        tags: dict[str, Any] = {name: field.json_schema_extra for name, field in type(self).model_fields.items()}
+        return {name: getattr(self, name) for name in tags if tags[name]["scope"] in scopes}
 
     def with_changes(self, **changes: Any) -> "Settings":
         """A validated copy with some fields changed. Raises UserError for an unknown field or a value out of range."""

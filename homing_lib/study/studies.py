@@ -265,8 +265,8 @@ def page() -> str:
     """That page, in Markdown: of each study the reason, the seeds, what is kept, and the settings of its conditions."""
     parts = [
         "# The studies",
-        "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py). A condition is the "
-        "default settings (`homing settings`), changed as stated.",
+        "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py). A condition is "
+        "the default settings (`homing settings`), changed as stated.",
     ]
     for study in in_order():
         seeds = f"{min(study.seeds)} to {max(study.seeds)}"
