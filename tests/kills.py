@@ -44,18 +44,18 @@ Contents = dict[str, bytes]
 
 def contents(folder: Path) -> Contents:
     """Every file below a folder by its path, but for what was being written."""
-    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".part"]
+    files = [path for path in folder.rglob("*") if path.is_file() and ".part" not in path.name]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def written(folder: Path) -> dict[Path, int]:
     """When each stored run was written."""
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*.npz")}
 
 
 def leftovers(folder: Path) -> list[Path]:
     """What was being written when somebody was killed."""
-    return list(folder.rglob(".*.part"))
+    return list(folder.rglob(".*.part*"))
 
 
 @contextmanager

@@ -112,14 +112,11 @@ def test_what_a_killed_process_was_writing_is_cleared_away_but_nothing_that_one_
     gone.wait()
     for study in (FEW, WHOLE_RUNS):
         study.folder.mkdir(parents=True)
-        names = [f".{place}.{pid}.part" for place in ("a-1.npz", "a.parquet") for pid in (gone.pid, os.getpid(), 1)]
-        for name in (*names, ".notes.part", "mine.part"):
+        kept = [f".a-1.{os.getpid()}.part.npz", ".a.1.part.parquet", ".notes.part.npz", "mine.part.npz"]
+        for name in (*kept, f".a-1.{gone.pid}.part.npz", f".a.{gone.pid}.part.parquet"):
             (study.folder / name).write_bytes(b"half")
         sweep(study, workers=1)
-        left = sorted(path.name for path in study.folder.glob("*.part"))
-        assert left == sorted(
-            [*(name for name in names if str(gone.pid) not in name.split(".")), ".notes.part", "mine.part"]
-        )
+        assert sorted(path.name for path in study.folder.glob("*.part*")) == sorted(kept)
 
 
 # A full disk
@@ -129,7 +126,7 @@ def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is
     order = FEW.jobs()
     place = path_of(FEW.folder, *order[3])
     FEW.folder.mkdir(parents=True)
-    part = place.with_name(f".{place.name}.{os.getpid()}.part")
+    part = place.with_name(f".{place.stem}.{os.getpid()}.part.npz")
     part.symlink_to("/dev/full")
     assert refusal(lambda: sweep(FEW, workers=1)) == f"{place}: cannot be written (No space left on device)"
     assert set(written(here)) == {path_of(FEW.folder, *job) for job in order[:3]}
@@ -140,7 +137,7 @@ def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is
 
 def test_a_disk_that_is_full_when_the_table_is_written_keeps_the_runs(here):
     FEW.table.parent.mkdir(parents=True)
-    FEW.table.with_name(f".{FEW.table.name}.{os.getpid()}.part").symlink_to("/dev/full")
+    FEW.table.with_name(f".{FEW.table.stem}.{os.getpid()}.part.parquet").symlink_to("/dev/full")
     assert refusal(lambda: sweep(FEW, workers=1)) == f"{FEW.table}: cannot be written (No space left on device)"
     assert sweep(FEW, workers=1) == 0
     assert len(load_table(FEW)) == 6 * SMALL.episodes
