@@ -138,7 +138,7 @@ def of_steps(of: Any, ours: str, theirs: str) -> Comparison:
 
 
 def of_change(of: Any, ours: str, theirs: str) -> Interval:
-    """The same of a run's parameter change, as a geometric mean: zero where theirs is beyond all bounds."""
+    """The same of a run's parameter change, as a geometric mean: zero where theirs is unbounded."""
     our, their = (episodes_of(of, condition, "change").sum(axis=1) for condition in (ours, theirs))
     if not np.isfinite(their).all():
         return Interval(0.0, 0.0, 0.0)
@@ -155,7 +155,7 @@ def at_best_step_size(mapped: Any) -> dict[str, Array]:
 
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:
-    """The first episode whose mean steps are at most one and a half times those of the last; runs are drawn anew."""
+    """The first episode whose mean steps are at most one and a half times those of the last; runs are resampled."""
     steps, rng = episodes_of(of, condition), np.random.default_rng(0)
 
     def first(runs: Array) -> int:
@@ -284,7 +284,7 @@ def exponential_change(of: Any) -> _Judged:
     partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
     return (
         "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
-        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; that of a step to {falls[1]:.2f}; "
+        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; that per step to {falls[1]:.2f}; "
         f"and divided by the step size to {falls[2]:.2f}, which is neither the shorter episodes' doing nor the "
         f"decay's. A line through its logarithm explains {exponential:.0%} against the episode (exponential) and "
         f"{hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",

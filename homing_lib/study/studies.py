@@ -9,10 +9,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from homing_lib.settings import Settings
 from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, views
-from homing_lib.study.runs import DATA, Measure, Study, load_table
+from homing_lib.study.runs import DATA, Measure, Study, episodes_of, load_table
 
 JUDGED = range(1000, 1050)
 
@@ -248,9 +249,8 @@ def calibration_score(table: Any) -> Any:
 
     table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
     """
-    late = table[table.episode > 10]
-    steps = late.steps.fillna(Settings().max_steps)
-    return steps.groupby(late.condition.astype(str)).mean().sort_values(kind="stable")
+    scores = {label: episodes_of(table, label)[:, 10:].mean() for label in sorted(table.condition.unique())}
+    return pd.Series(scores).sort_values(kind="stable")
 
 
 @cache
