@@ -1,5 +1,8 @@
 """What is said about few runs, against numbers that can be checked by hand."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -105,3 +108,10 @@ def test_one_run_has_a_mean_but_no_interval(rng):
 def test_the_same_generator_gives_the_same_interval():
     sample = [3.0, 1.0, 4.0, 1.0, 5.0]
     assert interval(sample, np.random.default_rng(2)) == interval(sample, np.random.default_rng(2))
+
+
+def test_statistics_and_learners_load_no_simulator():
+    code = (
+        "import sys, homing_lib.study.statistics, homing_lib.td, homing_lib.sarsa; sys.exit('pybullet' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

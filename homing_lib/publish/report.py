@@ -75,8 +75,8 @@ def conclusion(h: Headline) -> str:
         "not below": "These runs do not show that the robot learns:",
     }[h.verdict]
     return (
-        f"{lead} over {len(h.learnt)} runs of {h.settings.episodes} episodes, one takes {h.first:.0f} steps at first "
-        f"(mean of the first {WINDOW} with its 95 % interval) and {h.last:.0f} at the end (last {WINDOW}); "
+        f"{lead} over {len(h.learnt)} runs of {h.settings.episodes} episodes, an episode takes {h.first:.0f} steps "
+        f"at first (mean of the first {WINDOW} with its 95 % interval) and {h.last:.0f} at the end (last {WINDOW}); "
         f"a uniformly random policy in the same room takes {h.random:.0f}."
     )
 

@@ -265,8 +265,8 @@ def less_and_less_exploration(parts: Any) -> _Judged:
     constant = of_steps(parts, "constant exploration and step size", "default")
     return (
         "reproduced" if falls.side == "below" else "not reproduced",
-        f"The last {WINDOW} episodes take {falls:.2f} of the steps of the first. That the decrease helps is another "
-        f"matter: with exploration and step size held constant they take {constant:.2f} of the default's "
+        f"The last {WINDOW} episodes take {falls:.2f} of the steps of the first. Whether the decrease helps is "
+        f"another matter: with exploration and step size held constant they take {constant:.2f} of the default's "
         f"({constant.word}).",
     )
 
@@ -284,10 +284,10 @@ def exponential_change(of: Any) -> _Judged:
     partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
     return (
         "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
-        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; that per step to {falls[1]:.2f}; "
-        f"and divided by the step size to {falls[2]:.2f}, which is neither the shorter episodes' doing nor the "
-        f"decay's. A line through its logarithm explains {exponential:.0%} against the episode (exponential) and "
-        f"{hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
+        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per step "
+        f"and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
+        f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "
+        f"(exponential) and {hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
     )
 
 
@@ -348,7 +348,7 @@ def tens_of_episodes(of: Any, parts: Any) -> _Judged:
     learnt = compare(late(parts, "default"), early(parts, "default")).side == "below"
     return (
         "not testable here" if learnt else "not reproduced",
-        "The earlier model is not rebuilt, so that the comparison is not ours to make. What is seen is how soon this "
+        "The earlier model is not rebuilt, so the comparison cannot be made here. What can be seen is how soon this "
         f"one comes within one and a half times its last episodes: by episode {first_good(of):.0f}.",
     )
 

@@ -4,7 +4,7 @@ What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then
 of `Settings`. Everything that is judged runs on seeds from 1000 up.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -13,23 +13,16 @@ import pandas as pd
 
 from homing_lib.settings import Settings
 from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, views
-from homing_lib.study.runs import DATA, Measure, Study, episodes_of, load_table
+from homing_lib.study.runs import DATA, Study, episodes_of, load_table
 
 JUDGED = range(1000, 1050)
 
 _LISTED: list[Callable[[], Study]] = []
 
 
-def study(
-    name: str,
-    reason: str,
-    conditions: Mapping[str, Settings],
-    seeds: Sequence[int],
-    measure: Measure | None = None,
-    atlases: Sequence[Settings] = (),
-) -> Study:
-    """A `Study`, put on the list of those that `homing studies` shows and `make data` computes."""
-    made = Study(name, reason, conditions, seeds, measure, atlases)
+def study(*what: Any) -> Study:
+    """A `Study` of these fields, on the list of those that `homing studies` shows and `make data` computes."""
+    made = Study(*what)
     _LISTED.append(lambda: made)
     return made
 
