@@ -263,7 +263,7 @@ def test_ctrl_c_is_one_line_and_building_goes_on_from_there(undisturbed, tmp_pat
     os.killpg(building.pid, signal.SIGINT)  # as a terminal sends it: to workers too
     _, errors = building.communicate()
     assert building.returncode == 130
-    assert said(errors) == ["homing: interrupted; what was finished is kept, the same command goes on from there"]
+    assert said(errors) == ["homing: interrupted; what was finished is kept; the same command resumes from there"]
     assert parts(tmp_path)
     opened(tmp_path)
     assert hashes(tmp_path) == hashes(undisturbed)
