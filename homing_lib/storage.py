@@ -4,12 +4,14 @@ import json
 import os
 import zipfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
@@ -37,30 +39,36 @@ def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> N
     write_bytes(path, buffer.getvalue())
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file beside its place, then rename it: it is whole, or not there. Raises UserError if it cannot."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A place beside `path` to write to, renamed to it in the end: the file is whole, or not there.
+
+    The place has the suffix of `path`. Raises UserError if it cannot be written.
+    """
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
+        yield part
         part.replace(path)
     except OSError as error:
-        raise UserError(f"{path}: cannot be written ({error.strerror})") from None
+        raise UserError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file that is whole, or not there. Raises UserError if it cannot be written."""
+    with whole(path) as part:
+        part.write_bytes(content)
+
+
 def remove_leftovers(folder: Path) -> None:
     """Remove what processes that are gone were writing when they were killed."""
-    for part in folder.glob(".*.part"):
-        process = part.stem.rpartition(".")[2]
-        try:
-            os.kill(int(process), 0)
-        except ProcessLookupError:
+    for part in folder.glob(".*.part*"):
+        process = part.name.rpartition(".part")[0].rpartition(".")[2]
+        if process.isdecimal() and not psutil.pid_exists(int(process)):
             part.unlink(missing_ok=True)
-        except (ValueError, PermissionError):
-            pass  # not one of ours, or of a process that lives
 
 
 def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import cycle
 from pathlib import Path
@@ -44,18 +44,18 @@ Contents = dict[str, bytes]
 
 def contents(folder: Path) -> Contents:
     """Every file below a folder by its path, but for what was being written."""
-    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".part"]
+    files = [path for path in folder.rglob("*") if path.is_file() and ".part" not in path.name]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def written(folder: Path) -> dict[Path, int]:
     """When each stored run was written."""
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*.npz")}
 
 
 def leftovers(folder: Path) -> list[Path]:
     """What was being written when somebody was killed."""
-    return list(folder.rglob(".*.part"))
+    return list(folder.rglob(".*.part*"))
 
 
 @contextmanager
@@ -76,11 +76,12 @@ def undisturbed(folder: Path) -> Contents:
     return contents(folder)
 
 
-def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+def start(folder: Path, *arguments: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
     """`homing sweep` of the study in a process group of its own, on a slow disk. Returns when it begins."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.kills", "--sweep", str(folder), *arguments],
         cwd=ROOT,
+        env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

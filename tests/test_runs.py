@@ -297,7 +297,7 @@ def stop(folder, workers, number):
     )
     try:
         deadline = time.monotonic() + 120
-        while not list(folder.rglob("*.npz")):
+        while not list(folder.rglob("[!.]*.npz")):
             assert process.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.005)

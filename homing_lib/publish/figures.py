@@ -10,6 +10,7 @@ from math import cos, degrees, radians, sin
 from pathlib import Path
 from typing import Any, ParamSpec
 
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib import patches
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from homing_lib.features import Array
 from homing_lib.rooms import Box, Pose, Room
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 from homing_lib.study.statistics import Interval
 from homing_lib.thresholds import Thresholds
 
@@ -57,8 +59,13 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def save(figure: Figure, figures_dir: str | Path, name: str) -> None:
-    """Write figures_dir/name.pdf and .png, each beside its place and then renamed. The same figure, the same bytes."""
+def save(figure: Figure, figures_dir: str | Path | None, name: str) -> None:
+    """Write figures_dir/name.pdf and .png, each beside its place and then renamed. The same figure, the same bytes.
+
+    Without a folder nothing is written: a notebook that is run by hand only shows its figures.
+    """
+    if figures_dir is None:
+        return
     for kind, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
         path = Path(figures_dir) / f"{name}.{kind}"
         part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -70,11 +77,25 @@ def save(figure: Figure, figures_dir: str | Path, name: str) -> None:
             part.unlink(missing_ok=True)
 
 
+def stored(name: str) -> None:
+    """Show in a notebook the stored figure of this name, where it cannot be drawn: it needs the camera."""
+    from IPython.display import Image as Shown
+    from IPython.display import display
+
+    print(f"Drawn earlier: figures/{name}.png needs PyBullet, which this Python lacks.")
+    display(Shown(ROOT / "figures" / f"{name}.png"))
+
+
 def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
     @wraps(plot)
     def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with plt.rc_context(STYLE):
-            return plot(*args, **kwargs)
+            figure = plot(*args, **kwargs)
+            interactive = plt.isinteractive()
+        # The first figure loads the backend. A notebook's then switches interactive mode on, without which it shows
+        # nothing more; leaving the context would switch it off again.
+        matplotlib.interactive(interactive)
+        return figure
 
     return styled
 
