@@ -52,6 +52,9 @@ exponentials and dot products differ there in the last bits, and learning carrie
 Columns = dict[str, Array]
 """A tidy table: columns of equal length by their names. They are listed in data/README.md."""
 
+Measure = Callable[[Settings, int], Columns]
+"""The table of one run, by its settings and seed."""
+
 _REMEDY = "delete it, and `make data` computes it anew"
 _GOES_ON = "what was finished is kept, the same command goes on from there"
 _ARRAYS = ("steps", "lengths", "reached")
@@ -71,7 +74,7 @@ class Study:
     reason: str
     conditions: Mapping[str, Settings]
     seeds: Sequence[int]
-    measure: Callable[[Settings, int], Columns] | None = None
+    measure: Measure | None = None
     atlases: Sequence[Settings] = ()
 
     @property
@@ -274,7 +277,7 @@ def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Re
             raise UserError(f"--cluster {address}: workers keep dying of the same run; {_GOES_ON}") from None
 
 
-def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int) -> _Result:
+def _compute(measure: Measure | None, settings: Settings, seed: int) -> _Result:
     return settings, seed, (measure or run)(settings, seed), MADE_BY
 
 
