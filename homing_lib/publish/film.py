@@ -20,7 +20,7 @@ from tqdm import tqdm
 from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.arena import Arena
 from homing_lib.errors import UserError
-from homing_lib.publish.figures import BLUE, INK, ORANGE, STYLE
+from homing_lib.publish.drawing import BLUE, INK, ORANGE, STYLE
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.study import runs
