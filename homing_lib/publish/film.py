@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from math import cos, sin
 from pathlib import Path
 from subprocess import CalledProcessError
+from typing import TYPE_CHECKING
 
 import imageio_ffmpeg
 import matplotlib
@@ -18,7 +19,6 @@ from matplotlib.patches import Circle
 from tqdm import tqdm
 
 from homing_lib.agent import STEP_COLUMNS, Run, run
-from homing_lib.arena import Arena
 from homing_lib.errors import UserError
 from homing_lib.publish.drawing import BLUE, INK, ORANGE, STYLE
 from homing_lib.rooms import Pose, room_named
@@ -26,6 +26,9 @@ from homing_lib.settings import Settings
 from homing_lib.study import runs
 from homing_lib.study.studies import HEADLINE
 from homing_lib.thresholds import stopping_thresholds
+
+if TYPE_CHECKING:
+    from homing_lib.arena import Arena
 
 FRAMES_A_SECOND = 4
 HOLD = 8
@@ -50,6 +53,8 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     A stored run of the headline is taken as it is, any other is run first. The robot's views are rendered from the
     poses that the run has kept. Raises UserError in one line for what cannot be.
     """
+    from homing_lib.arena import Arena
+
     number = settings.episodes if episode is None else episode
     if not 1 <= number <= settings.episodes:
         raise UserError(f"--episode {number}: the run has episodes 1 to {settings.episodes}")
@@ -103,7 +108,7 @@ class Scene:
     """The four panels, redrawn for one step after the other. Step 0 is the start."""
 
     @matplotlib.rc_context(_STYLE)
-    def __init__(self, arena: Arena, result: Run, number: int) -> None:
+    def __init__(self, arena: "Arena", result: Run, number: int) -> None:
         self._arena = arena
         steps = dict(zip(STEP_COLUMNS, result.episode(number).T, strict=True))
         self.poses = [arena.room.start, *map(Pose, *(steps[name].tolist() for name in ("x", "y", "heading")))]

@@ -9,7 +9,6 @@ import gymnasium
 import numpy as np
 
 from homing_lib.agent import STEP_COLUMNS, Agent, Run, Settled, run, run_episode
-from homing_lib.arena import Arena
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
@@ -141,6 +140,8 @@ def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8)
 
 def views(settings: Settings, seed: int) -> Columns:
     """The similarity of 400 random free views to home by the camera, `camera`, and by the settings' atlas, `atlas`."""
+    from homing_lib.arena import Arena
+
     rows: list[tuple[float, ...]] = []
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
