@@ -288,15 +288,15 @@ def learning_curves(
 
     middle = panels["rewards"]
     _mean_and_range(middle, episodes, rewards)
-    level(middle, float(np.nanmean(random_rewards)), "uniform random policy")
+    level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
     middle.set(title="Reward per episode", ylabel="summed reward")
 
     right = panels["changes"]
     _mean_and_range(right, episodes, changes)
     share = step_size_rate * np.nanmean(changes[:, 0]) / step_size_rate[0]
     right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
-    place = int(0.55 * episodes.size)
-    right.annotate("the step size's own fall", (episodes[place], share[place]), (0, 5), textcoords="offset points")
+    end = episodes[-1], share[-1]
+    right.annotate("the step size's own fall", end, (0, 11), textcoords="offset points", ha="right")
     right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
     for axes in panels.values():
         axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
