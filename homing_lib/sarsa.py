@@ -1,7 +1,6 @@
 """The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (17), (18).
 
-    Learner        the update, for any number of actions: every equation of learning stands here, once
-    LinearSarsa    Sarsa(lambda_t), on-policy
+    LinearSarsa    Sarsa(lambda_t), on-policy: every equation of learning stands here, once
     LinearQ        Watkins's Q(lambda_t), off-policy
 
 Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
@@ -9,6 +8,7 @@ Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row
 """
 
 from math import hypot, inf, isfinite, sqrt
+from numbers import Real
 from operator import index
 from typing import Any, Literal, get_args
 
@@ -16,15 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.blas import ddot as dot
 
-from homing_lib.lambdas import (
-    TAKES_AND_RETURNS,
-    Array,
-    LambdaRule,
-    checked,
-    name_of,
-    one_of,
-    unit_interval,
-)
+from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
 
 Traces = Literal["accumulating", "replacing", "dutch"]
 Update = Literal["taken", "all"]
@@ -34,12 +26,7 @@ silent = np.errstate(all="ignore")
 
 
 class Diverged(ArithmeticError):
-    """The weights left the finite numbers: an outcome of a run, to be recorded as such.
-
-    step       number of the update that did it, from 1 over the life of the learner
-    rule       name of the lambda rule
-    step_size  alpha at that update
-    """
+    """The weights left the finite numbers at update `step` (1, 2, ...): an outcome of a run, to be recorded as such."""
 
     def __init__(self, step: int, rule: str, step_size: float) -> None:
         super().__init__(step, rule, step_size)
@@ -49,8 +36,8 @@ class Diverged(ArithmeticError):
         return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
 
 
-class Learner:
-    """A linear learner with a lambda that may vary. Its settings:
+class LinearSarsa:
+    """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's. Settings:
 
     step_size           alpha, may be set between steps
     discount            gamma
@@ -68,8 +55,11 @@ class Learner:
     bootstrap_terminal  False: the value after the last step is 0, the standard. True: Fig. 2 as printed, which
                         knows no terminal state
 
-    and what it shows: `weights` and `trace`; and of the last step `lambda_`, whether it was `clipped`, and `change`,
-    the Euclidean norm of the change of the weights. steps: updates so far.
+    and what it shows: `weights` and `trace`; of the last step `lambda_`, whether it was `clipped`, and `change`, the
+    Euclidean norm of the change of the weights; `steps`, the updates so far.
+
+    The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
+    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
     """
 
     def __init__(
@@ -99,6 +89,7 @@ class Learner:
         self.clip, self.on_zero = clip, unit_interval("on_zero", on_zero)
         self.bootstrap_terminal = bootstrap_terminal
         self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
+        self._theta_of = list(self._theta)  # views of its rows: theta(a) without making one at each step
         self.steps = 0
         self.change = 0.0
         self.begin_episode()
@@ -131,35 +122,54 @@ class Learner:
 
     def _restart(self) -> None:
         self._e: Array = np.zeros_like(self._theta)
-        self._step_before: dict[str, Any] | None = None  # delta_{t-1}, phi_{t-1}
+        self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
+
+    def values(self, phi: ArrayLike) -> Array:
+        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
+        return self._values("phi", phi)
+
+    def _values(self, name: str, phi: ArrayLike | None) -> Array:
+        x = self._features(name, phi)
+        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
 
     @silent
-    def _learn(
-        self, phi: ArrayLike, action: int, reward: float, phi_next: ArrayLike | None, next_action: Any, terminal: bool
+    def update(
+        self,
+        phi: ArrayLike,
+        action: int,
+        reward: float,
+        phi_next: ArrayLike | None,
+        next_action: int | None,
+        *,
+        terminal: bool = False,
     ) -> float:
-        """One step of Fig. 2; returns the TD error."""
+        """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. phi, phi_next: shape (n,).
+
+        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
+        """
         theta, alpha, gamma = self._theta, self._step_size, self.discount
         phi, a = self._features("phi", phi), self._action("action", action)
         phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
         phi_sa[a] = phi
 
-        q = linear("phi", theta[a], phi)
+        q = linear("phi", self._theta_of[a], phi)
         q_next = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_next, next_action)
         delta = finite("reward", reward) + gamma * q_next - q  # eq. (1)
 
         lambda_t = self._lambda(delta, phi_sa.ravel())  # eq. (7)
 
         e = gamma * lambda_t * self._e  # eq. (17), for every action
+        e_a = e[a]
         if self.traces == "accumulating":
-            e[a] += phi  # eq. (17), for the action taken
+            e_a += phi  # eq. (17), for the action taken
         elif self.traces == "replacing":
             np.copyto(e, phi_sa, where=phi_sa != 0)
         else:
-            e[a] += (1 - alpha * dot(e[a], phi)) * phi
+            e_a += (1 - alpha * dot(e_a, phi)) * phi
         self._e = e
 
         if self.updates == "taken":
-            theta, e, phi_sa = theta[a], e[a], phi
+            theta, e, phi_sa = self._theta_of[a], e_a, phi
         change = alpha * delta * e
         if self.traces == "dutch":  # the value grew by q - q_ahead since the step before looked ahead to it
             change += alpha * (q - self._q_ahead) * (e - phi_sa)
@@ -173,26 +183,23 @@ class Learner:
         """lambda_t by the rule, guarded and clipped; 0 at the first step. This step then becomes the step before."""
         self.lambda_, self.clipped = 0.0, False
         if self._step_before is not None:
+            (delta_prev, phi_prev), e, gamma = self._step_before, self._e.ravel(), self.discount
             try:
                 ratio = self.lambda_rule(
-                    delta=delta, phi=phi, **self._step_before, trace_prev=self._e.ravel(), discount=self.discount
+                    delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma
                 )
             except ArithmeticError:
                 ratio = self.on_zero
-            self.lambda_ = self._sound(ratio, delta)
+            self.lambda_ = ratio if type(ratio) is float and isfinite(ratio) else self._sound(ratio, delta)
             if self.clip and not 0 <= self.lambda_ <= 1:
                 self.lambda_, self.clipped = min(max(0.0, self.lambda_), 1.0), True
-        self._step_before = {"delta_prev": delta, "phi_prev": phi}
+        self._step_before = delta, phi
         return self.lambda_
 
     def _sound(self, ratio: Any, delta: float) -> float:
-        """The ratio as a float, or ValueError, in one line, if the rule returned no number."""
-        try:
-            number = float(ratio) if not isinstance(ratio, str) else inf
-        except (TypeError, ValueError):
-            number = inf
-        if isfinite(number):
-            return number
+        """The ratio as a float, or ValueError, in one line, if the rule returned no finite number."""
+        if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
+            return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
         raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {ratio!r}; {TAKES_AND_RETURNS}")
@@ -200,7 +207,7 @@ class Learner:
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
         a = self._action("next_action", next_action)
-        return linear("phi_next", self._theta[a], self._features("phi_next", phi_next))
+        return linear("phi_next", self._theta_of[a], self._features("phi_next", phi_next))
 
     def _changed_by(self, change: Array) -> None:
         """Note a change just made to the weights, and see that they are finite still."""
@@ -224,52 +231,21 @@ class Learner:
         return index(action)
 
 
-class LinearSarsa(Learner):
-    """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's; settings as in `Learner`.
-
-    The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
-    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
-    """
-
-    def values(self, phi: ArrayLike) -> Array:
-        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
-        return self._values("phi", phi)
-
-    def _values(self, name: str, phi: ArrayLike | None) -> Array:
-        x = self._features(name, phi)
-        return np.array([linear(name, theta_a, x) for theta_a in self._theta])
-
-    def update(
-        self,
-        phi: ArrayLike,
-        action: int,
-        reward: float,
-        phi_next: ArrayLike | None,
-        next_action: int | None,
-        *,
-        terminal: bool = False,
-    ) -> float:
-        """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. phi, phi_next: shape (n,).
-
-        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
-        """
-        return self._learn(phi, action, reward, phi_next, next_action, terminal)
-
-
 class LinearQ(LinearSarsa):
     """Watkins's Q(lambda) with any lambda rule: off-policy, since the TD error looks ahead to the best next action.
 
     Where the next action is not a best one (before the update; ties count as best) the trace is cut: it is zero, and
-    the next step is like the first of an episode, with lambda 0. Settings as in `Learner`, but `update` is "all" by
-    default.
+    the next step is like the first of an episode, with lambda 0. Settings as in `LinearSarsa`, but `update` is "all"
+    by default.
     """
 
     def __init__(self, n_features: int, n_actions: int, *, update: Update = "all", **settings: Any) -> None:
         super().__init__(n_features, n_actions, update=update, **settings)
 
-    def _learn(self, *step: Any) -> float:
+    def update(self, *step: Any, **terminal: bool) -> float:  # type: ignore[override]
+        """As `LinearSarsa.update`."""
         self._cut = False
-        delta = super()._learn(*step)
+        delta = super().update(*step, **terminal)
         if self._cut:
             self._restart()
         return delta
