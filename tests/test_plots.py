@@ -1,7 +1,5 @@
 """The plots of the studies are functions of their data, awkward data included."""
 
-from types import SimpleNamespace
-
 import matplotlib
 
 matplotlib.use("Agg")
@@ -12,9 +10,10 @@ from matplotlib.text import Text
 
 from homing_lib.publish import figures, plots
 from homing_lib.publish.drawing import TEXT_WIDTH
-from homing_lib.publish.plots import Column
+from homing_lib.publish.forests import Column, compared, forest
 from homing_lib.rooms import ROOMS
 from homing_lib.study.claims import Comparison
+from homing_lib.study.rules import Rules
 from homing_lib.study.statistics import Interval
 
 RNG = np.random.default_rng(3)
@@ -39,18 +38,13 @@ PLOTS = {
     "curves": lambda: plots.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
     "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
     "curves of different kinds": lambda: plots.curves({"one": {"a": RUNS}, "two": {"a": RUNS}}, ("steps", "m")),
-    "forest": lambda: plots.forest(Column("difference", FOUND, 0.0), shared=True),
-    "forest of columns": lambda: plots.forest(
+    "forest": lambda: forest(Column("difference", FOUND, 0.0), shared=True),
+    "forest of columns": lambda: forest(
         Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5), ylabel="row"
     ),
-    "forest, log": lambda: plots.forest(Column("steps", SHARES, log=True, text=".2f")),
-    "forest of comparisons": lambda: plots.forest(plots.compared("steps", COMPARED)),
-    "rules": lambda: plots.rules(
-        SimpleNamespace(
-            steps={"form 2": RUNS, "mine": CAPPED},
-            verdicts={"form 2": ("comparable", Interval(1, 1, 1)), "mine": ("worse", Interval(2, 1.5, 2.5))},
-        )
-    ),
+    "forest, log": lambda: forest(Column("steps", SHARES, log=True, text=".2f")),
+    "forest of comparisons": lambda: forest(compared("steps", COMPARED)),
+    "rules": lambda: plots.rules(Rules({"form 2": RUNS, "mine": 2 * RUNS, "lost": CAPPED})),
     "heat map": lambda: plots.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
     "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: plots.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
@@ -81,18 +75,27 @@ def marks(axes) -> list[tuple[str, bool]]:
 
 def test_an_interval_is_marked_by_the_side_of_the_reference_on_which_all_of_it_lies():
     worse, unsettled, better = ("s", True), ("D", False), ("o", True)
-    (axes,) = plots.forest(Column("difference", FOUND, 0.0)).axes
+    (axes,) = forest(Column("difference", FOUND, 0.0)).axes
     assert marks(axes) == [worse, unsettled, better]
-    (axes,) = plots.forest(Column("success", FOUND, 0.0, more=True)).axes
+    (axes,) = forest(Column("success", FOUND, 0.0, more=True)).axes
     assert marks(axes) == [better, unsettled, worse]
 
 
 def test_a_comparison_is_marked_and_named_and_counted_by_its_own_word():
-    (axes,) = plots.forest(plots.compared("steps", COMPARED)).axes
+    (axes,) = forest(compared("steps", COMPARED)).axes
     assert marks(axes) == [("o", True), ("s", True), ("D", False), ("D", True)]
     words = [text.get_text().rsplit(" ", 1)[1] for text in axes.texts]
     assert words == [found.word for found in COMPARED.values()] == ["better", "worse", "open", "comparable"]
     assert axes.get_title(loc="left") == "1 better, 1 worse, 1 comparable, 1 open"
+
+
+def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
+    found = Rules({"form 2": RUNS, "same": RUNS, "slow": 3 * RUNS})
+    learning, against = plots.rules(found).axes
+    assert [text.get_text() for text in learning.texts] == ["form 2", "same", "slow"]
+    assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
+    assert [verdict.word for verdict in found.verdicts.values()] == ["comparable", "worse"]
+    assert marks(against) == [("D", True), ("s", True)]
 
 
 def test_panels_of_different_kinds_name_and_scale_their_own_axis():

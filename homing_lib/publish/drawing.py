@@ -4,7 +4,7 @@ Colours are Okabe and Ito's, which the colour-blind tell apart; lines differ in 
 Home is a white square and the start a white triangle wherever they are drawn; both point where the robot looks.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from math import cos, pi, radians, sin
 from typing import Any, ParamSpec
@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
@@ -28,11 +29,19 @@ TEXT_WIDTH = 6.3
 """Of the report, in inches."""
 
 BLUE, ORANGE, GREEN, SKY, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#8A8A8A", "#222222"
+LINES = (
+    (BLUE, "-"),
+    (ORANGE, (0, (4, 1.5))),
+    (GREEN, (0, (1, 1))),
+    (INK, (0, (6, 1.5, 1, 1.5))),
+    ("#CC79A7", (0, (2, 1))),
+    (GREY, (0, (8, 2))),
+    (SKY, "-"),
+)
+"""Colours and dashes of several curves in one panel, in order."""
+
 DASHED: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 2)), "linewidth": 0.8}
 """A level that something is held against."""
-LEADER = {"arrowstyle": "-", "color": GREY, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 3}
-GROUND = {"boxstyle": "round,pad=0.18", "facecolor": "white", "alpha": 0.75, "linewidth": 0}
-"""Of text that lies over a picture."""
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -117,13 +126,9 @@ def draw_walls(axes: Axes, room: Room, thick: float = 0.035) -> None:
         axes.add_patch(patches.Rectangle((x, y), length, height, color=room.walls[name].rgb, linewidth=0))
     for picture in room.pictures:
         x, y, length, height = sides[picture.wall]
-        from_end = picture.along - picture.size[0] / 2
-        if picture.wall in ("north", "south"):
-            x, length = from_end, picture.size[0]
-        else:
-            y, height = from_end, picture.size[0]
-        strip = patches.Rectangle((x, y), length, height, facecolor=picture.texture.rgb, edgecolor="white")
-        axes.add_patch(strip)
+        size, first = picture.size[0], picture.along - picture.size[0] / 2
+        place = ((first, y), size, height) if picture.wall in ("north", "south") else ((x, first), length, size)
+        axes.add_patch(patches.Rectangle(*place, facecolor=picture.texture.rgb, edgecolor="white"))
     axes.set(xlim=(-thick, width + thick), ylim=(-thick, depth + thick))
 
 
@@ -170,4 +175,40 @@ def level(axes: Axes, value: float, name: str, at: float = 0.01) -> None:
 
 def note(axes: Axes, text: str, at: tuple[float, float], **options: Any) -> None:
     """Text on a light ground, so that it can be read over a picture."""
-    axes.text(*at, text, fontsize=7, bbox=GROUND, zorder=5, **options)
+    ground = {"boxstyle": "round,pad=0.18", "facecolor": "white", "alpha": 0.75, "linewidth": 0}
+    axes.text(*at, text, fontsize=7, bbox=ground, zorder=5, **options)
+
+
+def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
+    """Names of curves, coloured as LINES, right of their ends; moved apart where they would overlap, and then tied."""
+    axes.figure.canvas.draw()
+    scale = axes.get_figure().dpi / 72  # type: ignore[union-attr]
+    heights = {name: axes.transData.transform((1, max(y, 1e-12)))[1] / scale for name, (_, y) in ends.items()}
+    tint = {name: colour for name, (colour, _) in zip(ends, LINES, strict=False)}
+    tie: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1, "relpos": (0, 0.5)}
+    place = -np.inf
+    for name in sorted(ends, key=lambda name: heights[name]):
+        place = max(heights[name], place + 9.5)
+        moved = place - heights[name]
+        axes.annotate(
+            name,
+            ends[name],
+            (11 if moved > 3 else 5, moved),
+            textcoords="offset points",
+            va="center",
+            color=tint[name],
+            annotation_clip=False,
+            arrowprops=tie | {"color": tint[name]} if moved > 3 else None,
+        )
+
+
+def plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
+    """A logarithmic axis with 10, 20, 50, 100 written out, and more where it is short."""
+    axis = axes.yaxis if which == "y" else axes.xaxis
+    low, high = axis.get_view_interval()
+    wide = bool(high > (20 if narrow else 8) * low)
+    steps = ((1, 2, 5), (1, 3)) if narrow else ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 2, 5))
+    axis.set_major_locator(LogLocator(subs=steps[wide]))
+    axis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))) if wide or narrow else NullLocator())
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
