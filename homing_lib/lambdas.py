@@ -142,7 +142,8 @@ def parse(text: str) -> Choice:
     """
     if not isinstance(text, str):
         raise ValueError(
-            f"must be the name of a rule: fixed:<lambda>, {', '.join(RULES)}; elsewhere {TAKES_AND_RETURNS}"
+            f"settings name their rule: fixed:<lambda>, {', '.join(RULES)}; `agent.run` and the learners also take a "
+            f"function: {TAKES_AND_RETURNS}"
         )
     name, *options = text.split(":")
     while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):

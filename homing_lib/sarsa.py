@@ -9,6 +9,7 @@ Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row
 """
 
 from math import hypot, inf, isfinite, sqrt
+from numbers import Real
 from operator import index
 from typing import Any, Literal, get_args
 
@@ -16,15 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.blas import ddot as dot
 
-from homing_lib.lambdas import (
-    TAKES_AND_RETURNS,
-    Array,
-    LambdaRule,
-    checked,
-    name_of,
-    one_of,
-    unit_interval,
-)
+from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
 
 Traces = Literal["accumulating", "replacing", "dutch"]
 Update = Literal["taken", "all"]
@@ -34,12 +27,7 @@ silent = np.errstate(all="ignore")
 
 
 class Diverged(ArithmeticError):
-    """The weights left the finite numbers: an outcome of a run, to be recorded as such.
-
-    step       number of the update that did it, from 1 over the life of the learner
-    rule       name of the lambda rule
-    step_size  alpha at that update
-    """
+    """The weights left the finite numbers at update `step` (1, 2, ...): an outcome of a run, to be recorded as such."""
 
     def __init__(self, step: int, rule: str, step_size: float) -> None:
         super().__init__(step, rule, step_size)
@@ -99,6 +87,7 @@ class Learner:
         self.clip, self.on_zero = clip, unit_interval("on_zero", on_zero)
         self.bootstrap_terminal = bootstrap_terminal
         self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
+        self._theta_of = list(self._theta)  # views of its rows: theta(a) without making one at each step
         self.steps = 0
         self.change = 0.0
         self.begin_episode()
@@ -131,7 +120,7 @@ class Learner:
 
     def _restart(self) -> None:
         self._e: Array = np.zeros_like(self._theta)
-        self._step_before: dict[str, Any] | None = None  # delta_{t-1}, phi_{t-1}
+        self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
     @silent
     def _learn(
@@ -143,23 +132,24 @@ class Learner:
         phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
         phi_sa[a] = phi
 
-        q = linear("phi", theta[a], phi)
+        q = linear("phi", self._theta_of[a], phi)
         q_next = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_next, next_action)
         delta = finite("reward", reward) + gamma * q_next - q  # eq. (1)
 
         lambda_t = self._lambda(delta, phi_sa.ravel())  # eq. (7)
 
         e = gamma * lambda_t * self._e  # eq. (17), for every action
+        e_a = e[a]
         if self.traces == "accumulating":
-            e[a] += phi  # eq. (17), for the action taken
+            e_a += phi  # eq. (17), for the action taken
         elif self.traces == "replacing":
             np.copyto(e, phi_sa, where=phi_sa != 0)
         else:
-            e[a] += (1 - alpha * dot(e[a], phi)) * phi
+            e_a += (1 - alpha * dot(e_a, phi)) * phi
         self._e = e
 
         if self.updates == "taken":
-            theta, e, phi_sa = theta[a], e[a], phi
+            theta, e, phi_sa = self._theta_of[a], e_a, phi
         change = alpha * delta * e
         if self.traces == "dutch":  # the value grew by q - q_ahead since the step before looked ahead to it
             change += alpha * (q - self._q_ahead) * (e - phi_sa)
@@ -173,26 +163,23 @@ class Learner:
         """lambda_t by the rule, guarded and clipped; 0 at the first step. This step then becomes the step before."""
         self.lambda_, self.clipped = 0.0, False
         if self._step_before is not None:
+            (delta_prev, phi_prev), e, gamma = self._step_before, self._e.ravel(), self.discount
             try:
                 ratio = self.lambda_rule(
-                    delta=delta, phi=phi, **self._step_before, trace_prev=self._e.ravel(), discount=self.discount
+                    delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma
                 )
             except ArithmeticError:
                 ratio = self.on_zero
-            self.lambda_ = self._sound(ratio, delta)
+            self.lambda_ = ratio if type(ratio) is float and isfinite(ratio) else self._sound(ratio, delta)
             if self.clip and not 0 <= self.lambda_ <= 1:
                 self.lambda_, self.clipped = min(max(0.0, self.lambda_), 1.0), True
-        self._step_before = {"delta_prev": delta, "phi_prev": phi}
+        self._step_before = delta, phi
         return self.lambda_
 
     def _sound(self, ratio: Any, delta: float) -> float:
-        """The ratio as a float, or ValueError, in one line, if the rule returned no number."""
-        try:
-            number = float(ratio) if not isinstance(ratio, str) else inf
-        except (TypeError, ValueError):
-            number = inf
-        if isfinite(number):
-            return number
+        """The ratio as a float, or ValueError, in one line, if the rule returned no finite number."""
+        if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
+            return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
         raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {ratio!r}; {TAKES_AND_RETURNS}")
@@ -200,7 +187,7 @@ class Learner:
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
         a = self._action("next_action", next_action)
-        return linear("phi_next", self._theta[a], self._features("phi_next", phi_next))
+        return linear("phi_next", self._theta_of[a], self._features("phi_next", phi_next))
 
     def _changed_by(self, change: Array) -> None:
         """Note a change just made to the weights, and see that they are finite still."""
@@ -237,7 +224,7 @@ class LinearSarsa(Learner):
 
     def _values(self, name: str, phi: ArrayLike | None) -> Array:
         x = self._features(name, phi)
-        return np.array([linear(name, theta_a, x) for theta_a in self._theta])
+        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
 
     def update(
         self,

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import cycle
 from pathlib import Path
@@ -76,11 +76,12 @@ def undisturbed(folder: Path) -> Contents:
     return contents(folder)
 
 
-def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+def start(folder: Path, *arguments: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
     """`homing sweep` of the study in a process group of its own, on a slow disk. Returns when it begins."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.kills", "--sweep", str(folder), *arguments],
         cwd=ROOT,
+        env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -9,12 +9,15 @@ import io
 import json
 import logging
 import multiprocessing.resource_tracker
+import os
 import platform
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +26,7 @@ from typing import Any
 import joblib
 import numpy as np
 import pandas as pd
+import psutil
 from joblib.externals.loky.backend import resource_tracker
 from tqdm import tqdm
 
@@ -40,8 +44,6 @@ DATA = ROOT / "data"
 
 SCRATCH = ROOT / ".build" / "runs"
 """The single runs from which tables are made."""
-
-tqdm.monitor_interval = 0  # a thread that could take Ctrl-C in place of the main one
 
 TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
@@ -183,29 +185,66 @@ _Result = tuple[Settings, int, Run | Columns, dict[str, str]]
 
 
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
-    # Workers whose parent was killed go when they have idled so long, in seconds, and half a minute later.
-    parallel = joblib.Parallel(min(workers, len(todo)), return_as="generator_unordered", idle_worker_timeout=5)
-    # Ctrl-C reaches workers too, and they need not say so, their parent does: they inherit from it, from their first
-    # moment, to ignore the signal. For the parent it is blocked as well meanwhile, so that it comes late and is not
-    # lost; both resource trackers, which unblock it when they start, have to run before.
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if in_main_thread:
-        resource_tracker.ensure_running()
-        multiprocessing.resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parallel = joblib.Parallel(
+        min(workers, len(todo)), return_as="generator_unordered", initializer=_begin_work, initargs=(os.getpid(),)
+    )
+    results: Any = None
+    with _quiet_end():
+        try:
+            with _interrupts_later():
+                results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
+            yield from results
+        except BrokenProcessPool:
+            raise UserError(f"a worker process was killed (too little memory?); {_GOES_ON}") from None
+        finally:
+            del results  # which stops it, if it goes on
+
+
+@contextmanager
+def _quiet_end() -> Iterator[None]:
+    """Whoever interrupts need not hear what was left unfinished, nor that a thread of loky stumbled over it."""
+    before = threading.excepthook
+    threading.excepthook = lambda what: None if what.exc_type is KeyError else before(what)
     try:
-        results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
+            yield
     finally:
-        if in_main_thread:
-            signal.signal(signal.SIGINT, before)
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    # Nor need joblib say, after that, what was not finished.
-    warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
+        threading.excepthook = before
+
+
+@contextmanager
+def _interrupts_later() -> Iterator[None]:
+    """Ctrl-C counts when the block ends, whichever thread it reaches, and never in processes that are started in it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[Any] = []
+    before = signal.signal(signal.SIGINT, lambda *which: came.append(which))
+    if has_masks := hasattr(signal, "pthread_sigmask"):
+        resource_tracker.ensure_running()  # both trackers unblock it when they start
+        multiprocessing.resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which processes inherit
     try:
-        yield from results
-    except BrokenProcessPool:
-        raise UserError(f"a worker process was killed (too little memory?); {_GOES_ON}") from None
+        yield
+    finally:
+        if has_masks:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+    if came and callable(before):
+        before(*came[0])
+
+
+def _begin_work(parent: int) -> None:
+    """What a worker does first: it leaves Ctrl-C to its parent, and sees to it that it ends when that is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent and psutil.pid_exists(parent):  # the first never changes on Windows
+        time.sleep(2)
+    os._exit(1)
 
 
 def _connect(address: str) -> Any:
