@@ -1,7 +1,6 @@
 """The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (17), (18).
 
-    Learner        the update, for any number of actions: every equation of learning stands here, once
-    LinearSarsa    Sarsa(lambda_t), on-policy
+    LinearSarsa    Sarsa(lambda_t), on-policy: every equation of learning stands here, once
     LinearQ        Watkins's Q(lambda_t), off-policy
 
 Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
@@ -37,8 +36,8 @@ class Diverged(ArithmeticError):
         return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
 
 
-class Learner:
-    """A linear learner with a lambda that may vary. Its settings:
+class LinearSarsa:
+    """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's. Settings:
 
     step_size           alpha, may be set between steps
     discount            gamma
@@ -56,8 +55,11 @@ class Learner:
     bootstrap_terminal  False: the value after the last step is 0, the standard. True: Fig. 2 as printed, which
                         knows no terminal state
 
-    and what it shows: `weights` and `trace`; and of the last step `lambda_`, whether it was `clipped`, and `change`,
-    the Euclidean norm of the change of the weights. steps: updates so far.
+    and what it shows: `weights` and `trace`; of the last step `lambda_`, whether it was `clipped`, and `change`, the
+    Euclidean norm of the change of the weights; `steps`, the updates so far.
+
+    The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
+    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
     """
 
     def __init__(
@@ -122,11 +124,29 @@ class Learner:
         self._e: Array = np.zeros_like(self._theta)
         self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
+    def values(self, phi: ArrayLike) -> Array:
+        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
+        return self._values("phi", phi)
+
+    def _values(self, name: str, phi: ArrayLike | None) -> Array:
+        x = self._features(name, phi)
+        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
+
     @silent
-    def _learn(
-        self, phi: ArrayLike, action: int, reward: float, phi_next: ArrayLike | None, next_action: Any, terminal: bool
+    def update(
+        self,
+        phi: ArrayLike,
+        action: int,
+        reward: float,
+        phi_next: ArrayLike | None,
+        next_action: int | None,
+        *,
+        terminal: bool = False,
     ) -> float:
-        """One step of Fig. 2; returns the TD error."""
+        """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. phi, phi_next: shape (n,).
+
+        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
+        """
         theta, alpha, gamma = self._theta, self._step_size, self.discount
         phi, a = self._features("phi", phi), self._action("action", action)
         phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
@@ -211,52 +231,21 @@ class Learner:
         return index(action)
 
 
-class LinearSarsa(Learner):
-    """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's; settings as in `Learner`.
-
-    The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
-    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
-    """
-
-    def values(self, phi: ArrayLike) -> Array:
-        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
-        return self._values("phi", phi)
-
-    def _values(self, name: str, phi: ArrayLike | None) -> Array:
-        x = self._features(name, phi)
-        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
-
-    def update(
-        self,
-        phi: ArrayLike,
-        action: int,
-        reward: float,
-        phi_next: ArrayLike | None,
-        next_action: int | None,
-        *,
-        terminal: bool = False,
-    ) -> float:
-        """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. phi, phi_next: shape (n,).
-
-        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
-        """
-        return self._learn(phi, action, reward, phi_next, next_action, terminal)
-
-
 class LinearQ(LinearSarsa):
     """Watkins's Q(lambda) with any lambda rule: off-policy, since the TD error looks ahead to the best next action.
 
     Where the next action is not a best one (before the update; ties count as best) the trace is cut: it is zero, and
-    the next step is like the first of an episode, with lambda 0. Settings as in `Learner`, but `update` is "all" by
-    default.
+    the next step is like the first of an episode, with lambda 0. Settings as in `LinearSarsa`, but `update` is "all"
+    by default.
     """
 
     def __init__(self, n_features: int, n_actions: int, *, update: Update = "all", **settings: Any) -> None:
         super().__init__(n_features, n_actions, update=update, **settings)
 
-    def _learn(self, *step: Any) -> float:
+    def update(self, *step: Any, **terminal: bool) -> float:  # type: ignore[override]
+        """As `LinearSarsa.update`."""
         self._cut = False
-        delta = super()._learn(*step)
+        delta = super().update(*step, **terminal)
         if self._cut:
             self._restart()
         return delta

@@ -4,7 +4,7 @@
     TrueOnlineTD    true online TD(lambda), which equals the online forward view at every step
     ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
 
-The first two are the update of `sarsa.Learner` with one action. That the first and the last are the same algorithm
+The first two are the update of `sarsa.LinearSarsa` with one action. That the first and the last are the same algorithm
 under the lambda of eq. (7) is the paper's central theorem. A step is `update(phi, reward, phi_next)`: phi_t, r_{t+1},
 phi_{t+1}.
 """
@@ -15,49 +15,27 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from homing_lib.lambdas import RULES, Array, LambdaRule, one_of
-from homing_lib.sarsa import Diverged, Learner, Traces, finite, linear, silent
+from homing_lib.lambdas import RULES, Array, one_of
+from homing_lib.sarsa import Diverged, LinearSarsa, finite, linear, silent
 
 __all__ = ["ConjugateTD", "Diverged", "LinearTD", "TrueOnlineTD", "beta"]
 
 Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
 
 
-class LinearTD(Learner):
+class LinearTD(LinearSarsa):
     """TD(lambda) with any lambda rule: eqs. (1)-(6).
 
         delta_t = r_{t+1} + gamma V(s_{t+1}) - V(s_t)        (1)
         e_t = gamma lambda_t e_{t-1} + phi_t                 (4), (6)
         theta_{t+1} = theta_t + alpha delta_t e_t            (3), (5)
 
-    `begin_episode` before each episode, `update` at each step; `weights` and `trace` have shape (n,). Settings as in
-    `sarsa.Learner`.
+    `begin_episode` before each episode, `update` at each step; `weights` and `trace` have shape (n,). Settings, all by
+    keyword: step_size, discount, lambda_rule, initial_weight, clip, on_zero, as in `sarsa.LinearSarsa`.
     """
 
-    _traces: Traces = "accumulating"
-
-    def __init__(
-        self,
-        n_features: int,
-        *,
-        step_size: float,
-        discount: float,
-        lambda_rule: LambdaRule,
-        initial_weight: float = 0.0,
-        clip: bool = True,
-        on_zero: float = 0.0,
-    ) -> None:
-        super().__init__(
-            n_features,
-            1,
-            step_size=step_size,
-            discount=discount,
-            lambda_rule=lambda_rule,
-            initial_weight=initial_weight,
-            clip=clip,
-            on_zero=on_zero,
-            traces=self._traces,
-        )
+    def __init__(self, n_features: int, **settings: Any) -> None:
+        super().__init__(n_features, 1, **settings)
 
     @property
     def weights(self) -> Array:
@@ -73,9 +51,11 @@ class LinearTD(Learner):
         """Eq. (2): V(s) = theta^T phi(s). phi: shape (n,)."""
         return linear("phi", self.weights, self._features("phi", phi))
 
-    def update(self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False) -> float:
+    def update(  # type: ignore[override] # one action needs no name
+        self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False
+    ) -> float:
         """Learn from one step; return its TD error. phi, phi_next: shape (n,). At a terminal step V(s') is 0."""
-        return self._learn(phi, 0, reward, phi_next, 0, terminal)
+        return super().update(phi, 0, reward, phi_next, 0, terminal=terminal)
 
 
 class TrueOnlineTD(LinearTD):
@@ -86,7 +66,8 @@ class TrueOnlineTD(LinearTD):
         theta_{t+1} = theta_t + alpha delta_t e_t + alpha (theta_t - theta_{t-1})^T phi_t (e_t - phi_t)
     """
 
-    _traces: Traces = "dutch"
+    def __init__(self, n_features: int, **settings: Any) -> None:
+        super().__init__(n_features, traces="dutch", **settings)
 
 
 class ConjugateTD(LinearTD):
@@ -111,7 +92,9 @@ class ConjugateTD(LinearTD):
         self._g_prev = self.direction
 
     @silent
-    def update(self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False) -> float:
+    def update(  # type: ignore[override]
+        self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False
+    ) -> float:
         """Learn from one step; return its TD error. phi, phi_next: shape (n,). At a terminal step V(s') is 0."""
         phi = self._features("phi", phi)
         value_next = 0.0 if terminal else self._value_ahead(phi_next, 0)

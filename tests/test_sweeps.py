@@ -19,7 +19,7 @@ from homing_lib.errors import UserError
 from homing_lib.study import measures, runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
-from tests.kills import SMALL, STUDY, contents, end, last_line, leftovers, start, undisturbed, workers_of, written
+from tests.kills import SMALL, STUDY, contents, end, leftovers, start, undisturbed, workers_of, written
 
 FEW = replace(STUDY, seeds=range(3))
 WHOLE_RUNS = replace(FEW, measure=None)
