@@ -161,7 +161,8 @@ def similarity_by_heading(
     axes.set_xticks(range(-180, 181, 60))
     passing = heading_deg[similarity >= thresholds.upper]
     if passing.size:
-        axes.set_title(f"At home, headings from {passing.min():.0f}° to {passing.max():.0f}° pass for home's")
+        found = f"At home, headings from {passing.min():.0f}° to {passing.max():.0f}° pass for home's"
+        axes.set_title(found.replace("-", "\N{MINUS SIGN}"))
     return figure
 
 

@@ -57,7 +57,7 @@ class Column(NamedTuple):
 def compared(label: str, rows: Mapping[str, Comparison]) -> Column:
     """A column of comparisons, marked by their own words."""
     return Column(
-        f"{label}\n(marks: interquartile means; bars: means)",
+        f"{label}\n(marks: IQM, bars: mean)",
         {row: found.typical for row, found in rows.items()},
         1.0,
         log=True,
