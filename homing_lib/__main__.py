@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from homing_lib import rooms
-from homing_lib.errors import UserError
+from homing_lib.errors import RESUMES, UserError
 from homing_lib.settings import Settings, parse_settings
+from homing_lib.storage import write_bytes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"homing: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("homing: interrupted; what was finished is kept, the same command goes on from there", file=sys.stderr)
+        print(f"homing: interrupted; {RESUMES}", file=sys.stderr)
         return 130
     return 0
 
@@ -51,13 +51,13 @@ def _parser() -> argparse.ArgumentParser:
     command("settings", _settings, "every setting, its default and its source")
     data = command("data", _data, "check the stored runs and compute those that are missing")
     data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
-    data.add_argument("--force", action="store_true", help="compute all runs anew")
+    data.add_argument("--force", action="store_true", help="compute all runs from scratch")
     sweep = command("sweep", _sweep, "compute what is missing of one study")
     sweep.add_argument("study", help="one that `homing studies` lists")
-    sweep.add_argument("--force", action="store_true", help="compute all its runs anew")
+    sweep.add_argument("--force", action="store_true", help="compute all its runs from scratch")
     where = sweep.add_mutually_exclusive_group()
     where.add_argument(
-        "--workers", type=_workers, default=-1, help="processes on this machine; -1, the default: one a core"
+        "--workers", type=_workers, default=-1, help="processes on this machine; by default -1, one per core"
     )
     where.add_argument(
         "--cluster",
@@ -85,7 +85,7 @@ def _seed(text: str) -> int:
 
 def _workers(text: str) -> int:
     if text != "-1" and (not text.isdecimal() or int(text) == 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: must be 1, 2, ... processes, or -1 for one a core")
+        raise argparse.ArgumentTypeError(f"{text!r}: must be 1, 2, ... processes, or -1 for one per core")
     return int(text)
 
 
@@ -96,10 +96,10 @@ def _run(options: argparse.Namespace) -> None:
     from homing_lib.study import runs
 
     settings = changed_settings(options.set)
-    rooms.room_named(settings.room)  # before the bar, which would stand beside the refusal
-    with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
+    # Late, so that it does not stand beside a refusal.
+    with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
         result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
-    print(f"steps an episode: {' '.join(str(length) for length in result.lengths)}")
+    print(f"steps per episode: {' '.join(str(length) for length in result.lengths)}")
     print(f"home reached in {result.reached.sum()} of {settings.episodes} episodes")
     if result.diverged:
         print(f"diverged in episode {result.diverged}")
@@ -132,12 +132,12 @@ def _data(options: argparse.Namespace) -> None:
 
     for study in studies.in_order():
         runs.sweep(study, force=options.force)
-    if not studies.PAGE.exists() or studies.PAGE.read_text() != studies.page():
-        studies.PAGE.write_text(studies.page())
+    contents = {studies.PAGE: studies.page()}
     if options.stamp:
-        fingerprint = runs.fingerprint(studies.in_order()) + "\n"
-        if not options.stamp.exists() or options.stamp.read_text() != fingerprint:
-            options.stamp.write_text(fingerprint)
+        contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
+    for path, text in contents.items():
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            write_bytes(path, text.encode())
 
 
 def _verify(_: argparse.Namespace) -> None:

@@ -1,5 +1,8 @@
 """What goes wrong by no fault of the code: one line that says what, where and the remedy."""
 
+RESUMES = "what was finished is kept; the same command resumes from there"
+"""What is said of a command that was stopped."""
+
 
 class UserError(Exception):
     """A mistake that the user can mend: one line that says what, where and the remedy."""

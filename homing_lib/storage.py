@@ -31,6 +31,14 @@ ROOT = _repository()
 """Where data/, figures/ and notebooks/ stand, and .build/ is made."""
 
 
+def missing(path: Path, otherwise: str) -> UserError:
+    """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
+    if (ROOT / "data" / "STUDIES.md").exists():
+        return UserError(f"{path}: {otherwise}")
+    where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
+    return UserError(f"{path}: missing, for {where}; clone it and work there")
+
+
 def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> None:
     """Write a compressed npz beside its place, then rename it. The same content gives the same bytes."""
     buffer = BytesIO()

@@ -13,6 +13,8 @@ from time import sleep
 import numpy as np
 import pytest
 
+pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_everywhere.py does without
+
 from homing_lib import atlas
 from homing_lib.agent import run
 from homing_lib.arena import Arena
@@ -263,7 +265,7 @@ def test_ctrl_c_is_one_line_and_building_goes_on_from_there(undisturbed, tmp_pat
     os.killpg(building.pid, signal.SIGINT)  # as a terminal sends it: to workers too
     _, errors = building.communicate()
     assert building.returncode == 130
-    assert said(errors) == ["homing: interrupted; what was finished is kept, the same command goes on from there"]
+    assert said(errors) == ["homing: interrupted; what was finished is kept; the same command resumes from there"]
     assert parts(tmp_path)
     opened(tmp_path)
     assert hashes(tmp_path) == hashes(undisturbed)
@@ -357,7 +359,7 @@ def test_the_name_depends_on_every_setting_that_rendering_asks_for(tmp_path):
             return getattr(SETTINGS, name)
 
     atlas._render_block(tmp_path / "0000.npz", {"columns": [3, 4]}, PAPER, Listening())
-    assert Listening.asked == set(atlas._DEPENDS_ON)
+    assert Listening.asked == set(SETTINGS.of_scope("view", "lattice"))
 
 
 def test_the_name_depends_on_nothing_that_only_learning_asks_for():

@@ -165,7 +165,7 @@ def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
     assert told == "**Claim C9**, a kidnapped robot recovers at once: **not shown**. It differs by 1 [-2, 4]."
     rows = claims.table().splitlines()
     assert len(rows) == 2 + len(CLAIMS)
-    assert rows[2].startswith(f"| C2 | {CLAIMS[2]} | **{claims.judge(2).verdict}** | ")
+    assert rows[2].startswith(f"| C2 | {CLAIMS[2].text} | **{claims.judge(2).verdict}** | ")
 
 
 def test_a_lost_robot_leaves_a_comparison_open_that_the_typical_robot_would_decide():

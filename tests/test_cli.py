@@ -1,4 +1,6 @@
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,7 +29,7 @@ TINY = ["--set", "episodes=2", "--set", "survey_steps=20", "--set", "max_steps=1
         ("run --seed=-1", "argument --seed: '-1': must be 0, 1, 2, ...; see `homing run --help`"),
         (
             "sweep headline --workers 0",
-            "argument --workers: '0': must be 1, 2, ... processes, or -1 for one a core",
+            "argument --workers: '0': must be 1, 2, ... processes, or -1 for one per core",
         ),
         ("run --sed 1", "unrecognized arguments: --sed 1; see `homing --help`"),
         ("fly", "argument COMMAND: invalid choice: 'fly' (choose from 'run', "),
@@ -60,7 +62,7 @@ def test_a_file_that_cannot_be_written_is_named_in_one_line(capsys):
 def test_one_run_prints_its_episodes_and_is_stored_where_it_is_told(tmp_path, capsys):
     path = tmp_path / "new folder" / "run.npz"
     assert main(["run", "--seed", "3", *TINY, "--out", str(path)]) == 0
-    assert capsys.readouterr().out == "steps an episode: 10 10\nhome reached in 0 of 2 episodes\n"
+    assert capsys.readouterr().out == "steps per episode: 10 10\nhome reached in 0 of 2 episodes\n"
     stored = load(path)
     assert (stored.seed, stored.settings) == (3, Settings(episodes=2, survey_steps=20, max_steps=10))
 
@@ -85,6 +87,40 @@ def test_all_studies_are_listed_with_their_reason(capsys):
     assert re.match(r"headline +\d+ conditions x +\d+ seeds  \w", lines[0])
 
 
+INSTALLED = """
+import sys
+from homing_lib.__main__ import main
+from homing_lib.study import runs, studies
+assert [main([command]) for command in ("settings", "summary", "verify")] == [0, 1, 1]
+try:
+    runs.load_table(studies.LAMBDA)
+except runs.UserError as error:
+    sys.exit(f"homing: {error}")
+"""
+
+
+def test_installed_without_its_repository_the_package_says_in_one_line_what_is_missing_and_where_it_looked(tmp_path):
+    shutil.copytree(ROOT / "homing_lib", tmp_path / "site" / "homing_lib", ignore=shutil.ignore_patterns("__pycache__"))
+    here = tmp_path / "here"
+    here.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", INSTALLED],
+        cwd=here,
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    files = [Path("headline"), Path("headline"), Path("lambda.parquet")]
+    lines = done.stderr.splitlines()
+    assert len(lines) == len(files), done.stderr
+    for line, file in zip(lines, files, strict=True):
+        assert line.startswith(f"homing: {here / 'data' / file}")
+        assert f": missing, for neither {here} nor a folder above it, nor where homing_lib is installed, is a" in line
+        assert line.endswith("; clone it and work there")
+    assert list(here.iterdir()) == []
+
+
 def test_an_interrupt_from_the_keyboard_ends_a_run_with_code_130_and_one_line():
     process = subprocess.Popen(
         [sys.executable, "-m", "homing_lib", "run", *TINY, "--set", "episodes=100000"],
@@ -106,4 +142,4 @@ def test_an_interrupt_from_the_keyboard_ends_a_run_with_code_130_and_one_line():
     assert output == b""
     assert b"Traceback" not in errors
     last = errors.decode().replace("\r", "\n").strip().splitlines()[-1]
-    assert last == "homing: interrupted; what was finished is kept, the same command goes on from there"
+    assert last == "homing: interrupted; what was finished is kept; the same command resumes from there"

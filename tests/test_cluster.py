@@ -88,7 +88,7 @@ def test_a_cluster_that_loses_its_scheduler_says_so_in_one_line_and_what_was_fin
     assert "Traceback" not in errors
     assert last_line(errors) == (
         f"homing: --cluster {address}: the connection to the Dask scheduler was lost; "
-        "what was finished is kept, the same command goes on from there"
+        "what was finished is kept; the same command resumes from there"
     )
     assert 0 < len(written(tmp_path / "cluster")) < len(STUDY.jobs())
     assert not leftovers(tmp_path / "cluster")

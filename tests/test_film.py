@@ -8,6 +8,8 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+pytest.importorskip("pybullet", reason="needs PyBullet")  # a film is rendered
+
 from homing_lib import agent
 from homing_lib.__main__ import main
 from homing_lib.arena import Arena

@@ -109,7 +109,7 @@ def test_a_figure_that_needs_the_camera_is_shown_as_it_is_stored(write):
     source = write(PARAMETERS, 'from homing_lib.publish import figures\nfigures.stored("fig1-home-view")')
     copy, *_ = notebooks.execute(str(source))
     printed, shown = code_cells(copy)[-1].outputs
-    assert printed.text == "Drawn earlier: figures/fig1-home-view.png needs PyBullet, which this Python lacks.\n"
+    assert printed.text == "This needs PyBullet, which this Python lacks. Drawn earlier: figures/fig1-home-view.png\n"
     assert base64.b64decode(shown.data["image/png"]) == (ROOT / "figures" / "fig1-home-view.png").read_bytes()
 
 
@@ -128,6 +128,12 @@ def test_a_failing_cell_is_told_in_one_line_and_the_earlier_copy_stays(write):
 def test_an_unknown_notebook_is_a_users_mistake():
     with pytest.raises(UserError, match="no notebook '99-nothing'"):
         notebooks.execute("99-nothing")
+
+
+def test_a_place_that_cannot_be_written_to_is_told_in_one_line(write, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="file: no folder to write to"):
+        notebooks.execute(str(write(PARAMETERS)), output_dir=tmp_path / "file")
 
 
 def test_problems_names_stored_results_and_a_missing_parameters_cell(write):

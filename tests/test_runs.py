@@ -1,12 +1,7 @@
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import time
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +23,6 @@ from homing_lib.study.runs import (
     verify,
 )
 
-ROOT = Path(__file__).parent.parent
 TINY = Settings(episodes=2, survey_steps=20, max_steps=10)
 STUDY = Study("tiny", "To be quick.", {"form 2": TINY, "random": TINY.with_changes(controller="random")}, range(3))
 TABLE = replace(STUDY, measure=measures.episodes)
@@ -113,7 +107,7 @@ def test_a_truncated_run_is_refused_with_its_path_and_the_remedy(share, stored):
     stored.write_bytes(whole[: int(share * len(whole))])
     line = refusal(load, stored)
     assert line.startswith(f"{stored}: damaged file (")
-    assert line.endswith("delete it, and `make data` computes it anew")
+    assert line.endswith("delete it, and `make data` computes it from scratch")
 
 
 def test_a_run_with_any_byte_changed_is_refused_with_its_path_or_is_the_same_run_still(result, stored):
@@ -149,6 +143,11 @@ def test_a_run_of_settings_that_no_longer_exist_is_refused_with_its_path(stored,
     about, arrays = runs.read_arrays(stored)
     runs.write_arrays(stored, about | {"settings": {"colour": 1}}, **arrays)
     assert refusal(load, stored).startswith(f"{stored}: damaged file (setting colour: there is none of this name")
+
+
+def test_where_a_package_is_not_installed_a_run_is_made_by_none_of_it(monkeypatch):
+    monkeypatch.setattr(runs, "_PACKAGES", ("numpy", "no-such-package"))
+    assert runs._made_by().items() >= {"numpy": np.__version__, "no-such-package": "none"}.items()
 
 
 # Many runs
@@ -256,85 +255,6 @@ def test_the_fingerprint_changes_when_the_data_do_and_only_then(study, tmp_path,
     file = study.table if study.measure else path_of(study.folder, TINY, 2)
     file.write_bytes(file.read_bytes()[:-1] + b"!")
     assert fingerprint([study]) != first
-
-
-# Stopped in the middle
-
-SWEEP = """
-import sys
-from pathlib import Path
-from homing_lib.study import runs, studies
-from homing_lib.__main__ import main
-from homing_lib.settings import Settings
-runs.DATA = Path(sys.argv[1]) / "data"
-tiny = Settings(episodes=2, survey_steps=20, max_steps=10)
-study = runs.Study("tiny", "", {"form 2": tiny, "random": tiny.with_changes(controller="random")}, range(8))
-studies.in_order = lambda: [study]
-sys.exit(main(["sweep", "tiny", "--workers", sys.argv[2]]))
-"""
-LONGER = replace(STUDY, seeds=range(8))
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """What the longer study stores if nobody stops it."""
-    folder = tmp_path_factory.mktemp("finished")
-    with pytest.MonkeyPatch.context() as patch:
-        use(folder, patch)
-        sweep(LONGER, workers=1)
-    return contents(folder)
-
-
-def stop(folder, workers, number):
-    """Start the longer study, wait for its first run, send a signal to it and all its workers."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", SWEEP, folder, str(workers)],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        deadline = time.monotonic() + 120
-        while not list(folder.rglob("[!.]*.npz")):
-            assert process.poll() is None
-            assert time.monotonic() < deadline
-            time.sleep(0.005)
-        os.killpg(process.pid, number)
-        _, errors = process.communicate(timeout=60)
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-    return process.returncode, errors
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_sweep_killed_in_the_middle_keeps_what_was_finished_and_goes_on_to_the_same_bytes(
-    workers, finished, tmp_path, monkeypatch
-):
-    assert stop(tmp_path, workers, signal.SIGKILL)[0] == -signal.SIGKILL
-    kept = written(tmp_path)
-    done = [path for path in kept if path.suffix == ".npz"]
-    assert 0 < len(done) < 16
-    use(tmp_path, monkeypatch)
-    assert sweep(LONGER, workers=workers) == 16 - len(done)
-    assert all(path.stat().st_mtime_ns == kept[path] for path in done)
-    assert contents(tmp_path) == finished
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_sweep_interrupted_from_the_keyboard_says_so_in_one_line_and_keeps_what_was_finished(
-    workers, finished, tmp_path
-):
-    code, errors = stop(tmp_path, workers, signal.SIGINT)
-    assert code == 130
-    assert "Traceback" not in errors
-    line = errors.rpartition("\r")[2].strip().splitlines()[-1]
-    assert line == "homing: interrupted; what was finished is kept, the same command goes on from there"
-    found = contents(tmp_path)
-    assert 0 < len(found) < 16
-    assert all(finished[path] == content for path, content in found.items())
 
 
 # The same again

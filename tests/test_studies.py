@@ -44,7 +44,7 @@ def test_studies_have_different_names_and_each_its_reason():
 
 
 def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settings_of_each():
-    page = studies.PAGE.read_text()
+    page = studies.PAGE.read_text(encoding="utf-8")
     assert page == studies.page()
     for study in STUDIES:
         section = page.split(f"## {study.name}\n")[1].split("\n## ")[0]
@@ -94,7 +94,8 @@ def test_the_defaults_are_the_calibrations_winner():
 def test_the_calibrations_score_is_the_mean_of_episodes_11_to_20_and_a_diverged_episode_counts_as_the_step_cap():
     episode = np.tile(np.arange(1.0, 21), 2)
     steps = np.concatenate([np.where(np.arange(20) < 10, 500, 40.0), np.where(np.arange(20) < 15, 30, np.nan)])
-    table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "episode": episode, "steps": steps})
+    table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "seed": 0, "episode": episode})
+    table["steps"] = steps
     assert list(studies.calibration_score(table).items()) == [("good", 40), ("diverges", (5 * 30 + 5 * 2000) / 10)]
 
 
@@ -266,7 +267,7 @@ def test_views_compare_the_camera_with_the_atlas(coarse):
 
 
 def test_data_readme_names_every_column_of_every_measure(coarse):
-    text = (DATA / "README.md").read_text()
+    text = (DATA / "README.md").read_text(encoding="utf-8")
     sections = {part.split("\n", 1)[0]: set(re.findall(r"`([^`]+)`", part)) for part in text.split("\n## ")}
     columns = {
         "Episodes": EPISODE_COLUMNS,
@@ -276,8 +277,8 @@ def test_data_readme_names_every_column_of_every_measure(coarse):
     }
     for section, names in columns.items():
         assert set(names) <= sections[section], section
-    measures = {study.measure for study in STUDIES}
-    assert measures == {None, measures.episodes, measures.trials, measures.views, measures.shortest}
+    kept = {study.measure for study in STUDIES}
+    assert kept == {None, measures.episodes, measures.trials, measures.views, measures.shortest}
 
 
 @each_table
@@ -322,13 +323,13 @@ def sample(tables, count, longest=np.inf):
 def test_a_random_sample_of_the_headline_is_the_same_when_computed_again():
     study = studies.HEADLINE
     stored = [(one, label) for label, results in runs.load_study(study).items() for one in results]
-    stored = [(one, label) for one, label in stored if one.lengths.sum() < 3000]
+    stored = [(one, label) for one, label in stored if one.lengths.sum() < 1500]
     one, label = stored[int(np.random.default_rng(2014).integers(len(stored)))]
     assert runs.compare(one, run(study.conditions[label], one.seed)) in ("to the bit", "within tolerance")
 
 
 def test_a_random_sample_of_the_runs_with_the_camera_is_the_same_when_computed_again():
-    for study, label, seed in sample([studies.LAMBDA], 2, longest=2500):
+    for study, label, seed in sample([studies.LAMBDA], 2, longest=1500):
         recomputed_as_stored(study, label, seed)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib import patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
@@ -34,6 +33,7 @@ from homing_lib.publish.drawing import (
     level,
     note,
     picture,
+    plain_log,
     styled,
 )
 from homing_lib.rooms import Box, Room
@@ -59,8 +59,10 @@ def stored(name: str) -> None:
     """Show in a notebook the stored figure of this name, where it cannot be drawn: it needs the camera."""
     from IPython import display
 
-    print(f"Drawn earlier: figures/{name}.png needs PyBullet, which this Python lacks.")
-    display.display(display.Image(ROOT / "figures" / f"{name}.png"))  # type: ignore[no-untyped-call]
+    path = ROOT / "figures" / f"{name}.png"
+    print(f"This needs PyBullet, which this Python lacks. Drawn earlier: figures/{name}.png")
+    if path.exists():
+        display.display(display.Image(path))  # type: ignore[no-untyped-call]
 
 
 # --- The world --------------------------------------------------------------------------------------------------------
@@ -157,6 +159,9 @@ def similarity_by_heading(
     level(axes, thresholds.upper, f"$\\psi_{{upper}}$ = {thresholds.upper:.4f}")
     axes.set(xlabel="heading from home's (degrees)", ylabel="similarity NRB", xlim=(-180, 180), ylim=(None, 1.03))
     axes.set_xticks(range(-180, 181, 60))
+    passing = heading_deg[similarity >= thresholds.upper]
+    if passing.size:
+        axes.set_title(f"At home, headings from {passing.min():.0f}° to {passing.max():.0f}° pass for home's")
     return figure
 
 
@@ -189,15 +194,8 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
     height.set_yticks(np.arange(0.5, 1.01, 0.1))
     times = float(np.mean(np.diff(linear) / np.diff(square_root)))
     middle = multiplier.size // 2
-    rate.annotate(
-        f"{times:.2f} times finer",
-        (multiplier[middle], np.diff(square_root)[middle - 1]),
-        (-4, -4),
-        textcoords="offset points",
-        ha="right",
-        va="top",
-        color=BLUE,
-    )
+    below = {"textcoords": "offset points", "ha": "right", "va": "top", "color": BLUE}
+    rate.annotate(f"{times:.2f} times finer", (multiplier[middle], np.diff(square_root)[middle - 1]), (-4, -4), **below)
     rate.set(xlabel="multiplier $m$", ylabel="rise of $\\psi$ from $m-1$ to $m$", yscale="log")
     for axes in (height, rate):
         axes.set_xlim(0, multiplier[-1])
@@ -282,9 +280,7 @@ def learning_curves(
         yscale="log",
         ylim=(steps.min() * 0.5, None),
     )
-    top.set_yticks([], minor=True)
-    top.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    top.yaxis.set_major_formatter("{x:g}")
+    plain_log(top, "y")
 
     middle = panels["rewards"]
     _mean_and_range(middle, episodes, rewards)

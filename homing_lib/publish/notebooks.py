@@ -22,7 +22,7 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT
+from homing_lib.storage import ROOT, whole
 
 NOTEBOOKS = ROOT / "notebooks"
 PARAMETERS = ('profile = "full"', "figures_dir = None")
@@ -56,8 +56,11 @@ def execute(
     source = find(name)
     output_dir = (output_dir or source.parent / "executed").absolute()
     figures_dir = (figures_dir or source.parent.parent / "figures").resolve()
-    output_dir.mkdir(parents=True, exist_ok=True)
-    figures_dir.mkdir(parents=True, exist_ok=True)
+    for folder in (output_dir, figures_dir):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(f"{folder}: no folder to write to ({error.strerror})") from None
 
     parameters = {"figures_dir": Path(os.path.relpath(figures_dir, source.parent.resolve())).as_posix()}
     if profile != "full":
@@ -85,9 +88,8 @@ def execute(
 
     normalise(executed, nbformat.read(source, as_version=4))
     copy = output_dir / source.name
-    beside = copy.with_suffix(".part")
-    nbformat.write(executed, beside)
-    beside.replace(copy)
+    with whole(copy) as part:
+        nbformat.write(executed, part)
     return [copy, *sorted(path for path in figures_dir.iterdir() if path.stat().st_mtime_ns >= started)]
 
 

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import get_args
 
@@ -18,7 +17,7 @@ from homing_lib.storage import ROOT
 from homing_lib.study import claims, runs, studies
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode
-from homing_lib.study.statistics import Interval, interval, ratio
+from homing_lib.study.statistics import interval, ratio
 from homing_lib.thresholds import stopping_thresholds
 
 WELL_BELOW = 0.75
@@ -27,37 +26,31 @@ WELL_BELOW = 0.75
 VERIFIED = ROOT / ".build" / "verified"
 
 
-@dataclass(frozen=True)
 class Headline:
-    """What five runs and five of a uniformly random policy say. Steps are means an episode, with 95 % intervals.
+    """What runs of the agent say, and runs of a uniformly random policy of the same seeds.
 
-    first, last: of the first and last WINDOW episodes; of_first, of_random: last as a share of these; better: in how
-    many runs the last episodes are shorter than the random policy of the same seed; stop_m, stop_deg: median distance
-    and angle from home where the robot stopped; clipped, at_wall: shares of the steps; change_fall, rate_fall:
-    parameter change, and step size, of the last as a share of the first.
+    Steps are means per episode, with 95 % intervals, of the first and the last WINDOW episodes and of the random
+    policy; `of_first` and `of_random` are the last as a share of these. The falls, of the parameter change and of the
+    step size, are the last as a share of the first.
     """
 
-    settings: Settings
-    runs: int
-    first: Interval
-    last: Interval
-    random: Interval
-    of_first: Interval
-    of_random: Interval
-    better: int
-    median_last: float
-    shortest: int
-    reached: int
-    total: int
-    diverged: int
-    random_reached: int
-    random_total: int
-    stop_m: float
-    stop_deg: float
-    clipped: float
-    at_wall: float
-    change_fall: float
-    rate_fall: float
+    def __init__(self, learnt: Sequence[Run], random: Sequence[Run]) -> None:
+        rng = np.random.default_rng(0)
+        self.learnt, self.settings = learnt, learnt[0].settings
+        self.window = window = min(WINDOW, self.settings.episodes // 2)
+        self.steps = by_episode(learnt)
+        self.chance_steps = by_episode(random).mean(axis=1)
+        self.last_steps = self.steps[:, -window:].mean(axis=1)
+        first_steps = self.steps[:, :window].mean(axis=1)
+        self.first, self.last = interval(first_steps, rng), interval(self.last_steps, rng)
+        self.random = interval(self.chance_steps, rng)
+        self.of_first = ratio(self.last_steps, first_steps, rng)
+        self.of_random = ratio(self.last_steps, self.chance_steps, rng)
+        (self.reached, self.total), (self.random_reached, self.random_total) = _successes(learnt), _successes(random)
+        self.diverged = sum(run.diverged > 0 for run in learnt)
+        changes, rates = by_episode(learnt, "change"), self.settings.step_size_rates
+        self.change_fall = float(np.nanmean(changes[:, -window:]) / np.nanmean(changes[:, :window]))
+        self.rate_fall = float(rates[-window:].mean() / rates[:window].mean())
 
     @property
     def verdict(self) -> str:
@@ -68,42 +61,10 @@ class Headline:
         return "well below" if all(ratio.value <= WELL_BELOW for ratio in ratios) else "below"
 
 
-def headline(learnt: Sequence[Run], random: Sequence[Run]) -> Headline:
-    """Compute it from the runs of the agent and of the random policy, which share their seeds."""
-    rng = np.random.default_rng(0)
-    settings = learnt[0].settings
-    window = min(WINDOW, settings.episodes // 2)
-    steps, chance = by_episode(learnt), by_episode(random)
-    first, last, level = steps[:, :window].mean(axis=1), steps[:, -window:].mean(axis=1), chance.mean(axis=1)
-    changes = by_episode(learnt, "change")
-    rates = settings.step_size_rates
-    return Headline(
-        settings,
-        len(learnt),
-        interval([first], rng),
-        interval([last], rng),
-        interval([level], rng),
-        ratio(last, first, rng, paired=True),
-        ratio(last, level, rng, paired=True),
-        int((last < level).sum()),
-        float(np.median(steps[:, -window:])),
-        int(steps.min()),
-        *_successes(learnt),
-        sum(run.diverged > 0 for run in learnt),
-        *_successes(random),
-        *_stops(learnt),
-        float(np.concatenate([run.column("clipped") for run in learnt]).mean()),
-        float(np.concatenate([run.column("at_wall") for run in learnt]).mean()),
-        float(np.nanmean(changes[:, -window:]) / np.nanmean(changes[:, :window])),
-        float(rates[-window:].mean() / rates[:window].mean()),
-    )
-
-
 @cache
 def stored_headline() -> Headline:
     """The headline of the runs stored under data/."""
-    learnt, random = runs.load_study(studies.HEADLINE).values()
-    return headline(learnt, random)
+    return Headline(*runs.load_study(studies.HEADLINE).values())
 
 
 def conclusion(h: Headline) -> str:
@@ -114,9 +75,9 @@ def conclusion(h: Headline) -> str:
         "not below": "These runs do not show that the robot learns:",
     }[h.verdict]
     return (
-        f"{lead} over {h.runs} runs of {h.settings.episodes} episodes, one takes {_steps(h.first)} steps at first "
-        f"(mean of the first {WINDOW} with its 95 % interval) and {_steps(h.last)} at the end (last {WINDOW}); "
-        f"a uniformly random policy in the same room takes {_steps(h.random)}."
+        f"{lead} over {len(h.learnt)} runs of {h.settings.episodes} episodes, an episode takes {h.first:.0f} steps "
+        f"at first (mean of the first {WINDOW} with its 95 % interval) and {h.last:.0f} at the end (last {WINDOW}); "
+        f"a uniformly random policy in the same room takes {h.random:.0f}."
     )
 
 
@@ -125,13 +86,13 @@ def summary() -> str:
     h = stored_headline()
     lines = [
         conclusion(h),
-        f"Last five against first five: {_ratio(h.of_first)} of the steps; against the random policy: "
-        f"{_ratio(h.of_random)}. The end is {h.verdict} both.",
-        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {h.runs} runs diverged.",
+        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
+        f"{h.of_random:.2f}. The end is {h.verdict} both.",
+        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
+        f"Claims: {verdicts()}.",
     ]
-    lines.append(f"Claims: {verdicts()}.")
     if VERIFIED.exists():
-        lines.append(VERIFIED.read_text().strip())
+        lines.append(VERIFIED.read_text(encoding="utf-8").strip())
     return "\n".join(lines)
 
 
@@ -164,29 +125,30 @@ def numbers(h: Headline) -> dict[str, str]:
     s = h.settings
     psi = stopping_thresholds(s.multiplier)
     rates = s.step_size_rates
+    stop_m, stop_deg = _stops(h.learnt)
     texts = {
         "conclusion": conclusion(h),
         "verdict": h.verdict,
-        "numberOfRuns": f"{h.runs}",
+        "numberOfRuns": f"{len(h.learnt)}",
         "numberOfEpisodes": f"{s.episodes}",
         "window": f"{WINDOW}",
-        "firstSteps": _steps(h.first),
-        "lastSteps": _steps(h.last),
-        "randomSteps": _steps(h.random),
-        "lastOfFirst": _ratio(h.of_first),
-        "lastOfRandom": _ratio(h.of_random),
-        "betterRuns": f"{h.better}",
-        "medianLastSteps": f"{h.median_last:.0f}",
-        "shortestEpisode": f"{h.shortest}",
+        "firstSteps": f"{h.first:.0f}",
+        "lastSteps": f"{h.last:.0f}",
+        "randomSteps": f"{h.random:.0f}",
+        "lastOfFirst": f"{h.of_first:.2f}",
+        "lastOfRandom": f"{h.of_random:.2f}",
+        "betterRuns": f"{(h.last_steps < h.chance_steps).sum()}",
+        "medianLastSteps": f"{np.median(h.steps[:, -h.window :]):.0f}",
+        "shortestEpisode": f"{h.steps.min():.0f}",
         "homeReached": f"{h.reached}",
         "homeTotal": f"{h.total}",
         "randomReached": f"{h.random_reached}",
         "randomTotal": f"{h.random_total}",
         "divergedRuns": f"{h.diverged}",
-        "stopDistance": f"{h.stop_m:.2f} m",
-        "stopAngle": f"{h.stop_deg:.0f}",
-        "clippedShare": f"{h.clipped:.0%}",
-        "wallShare": f"{h.at_wall:.0%}",
+        "stopDistance": f"{stop_m:.2f} m",
+        "stopAngle": f"{stop_deg:.0f}",
+        "clippedShare": f"{_mean(h.learnt, 'clipped'):.0%}",
+        "wallShare": f"{_mean(h.learnt, 'at_wall'):.0%}",
         "changeFall": f"{h.change_fall:.2f}",
         "rateFall": f"{h.rate_fall:.2f}",
         "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
@@ -205,7 +167,7 @@ def numbers(h: Headline) -> dict[str, str]:
         "stepSize": _shown(s.alpha0),
         "exploration": _shown(s.epsilon0),
         "wallPenalty": _shown(s.wall_penalty),
-        "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one a bin"}[s.variance]
+        "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one per bin"}[s.variance]
         + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
         "mixtureUsed": {
             "normalised": "both distributions with equal weight",
@@ -223,20 +185,17 @@ def _successes(several: Sequence[Run]) -> tuple[int, int]:
     return sum(int(run.reached.sum()) for run in several), sum(run.settings.episodes for run in several)
 
 
+def _mean(several: Sequence[Run], column: str) -> float:
+    """Of all steps together."""
+    return float(np.concatenate([run.column(column) for run in several]).mean())
+
+
 def _stops(several: Sequence[Run]) -> tuple[float, float]:
     """Median distance (m) and angle (degrees) between home and the poses at which the robot stopped."""
     home = room_named(several[0].settings.room).home
     poses = np.concatenate([run.steps[np.cumsum(run.lengths)[run.reached] - 1, :3] for run in several])
     angles = np.degrees([abs(wrapped(heading - home.heading)) for heading in poses[:, 2]])
     return float(np.median(np.hypot(poses[:, 0] - home.x, poses[:, 1] - home.y))), float(np.median(angles))
-
-
-def _steps(mean: Interval) -> str:
-    return f"{mean.value:.0f} [{mean.low:.0f}, {mean.high:.0f}]"
-
-
-def _ratio(share: Interval) -> str:
-    return f"{share.value:.2f} [{share.low:.2f}, {share.high:.2f}]"
 
 
 def _table_one() -> Iterator[str]:
@@ -257,9 +216,8 @@ def _table_one() -> Iterator[str]:
 
 def _table_of_claims() -> Iterator[str]:
     """Rows: number, claim, verdict, effect."""
-    for number in claims.CLAIMS:
-        found = claims.judge(number)
-        yield _row(f"C{number}", found.claim, found.verdict, found.effect)
+    for found in map(claims.judge, claims.CLAIMS):
+        yield _row(f"C{found.number}", found.claim, found.verdict, found.effect)
 
 
 def _table_of_the_others() -> Iterator[str]:

@@ -1,15 +1,15 @@
-"""The paper's claims, C2 to C17, judged by the stored studies: a predicate each, an effect with its 95 % interval.
+"""The paper's claims, C2 to C17, judged by the stored studies: a predicate for each, an effect with its 95 % interval.
 
 A judge takes the tables of its studies and returns a verdict and the effect that it rests on; its docstring is the
 predicate. Steps are compared over the last WINDOW episodes, seed by seed, and an episode that a diverged run did not
-reach counts as the step cap (`statistics.episodes_of`). A few robots get lost, and one of them moves a mean more than
+reach counts as the step cap (`runs.episodes_of`). A few robots get lost, and one of them moves a mean more than
 all others: every comparison of steps is therefore made twice (`Comparison`), and open unless both say the same.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,22 +20,33 @@ from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import Study, episodes_of, load_table
 from homing_lib.study.statistics import MARGIN, Interval, interval, iqm, judged, ratio, side
 
-CLAIMS = {
-    2: "a conjugate λ is better than fixed ones, or comparable",
-    3: "learning converges within 20 episodes",
-    8: "after learning, home is reached from almost anywhere",
-    9: "a kidnapped robot recovers at once",
-    10: "a policy that explores less and less converges",
-    11: "the parameter change falls exponentially",
-    12: "a wall penalty, with learning at walls, reduces wall following",
-    13: "good episodes begin around the ninth",
-    14: "one snapshot does better than three",
-    16: "a cost of 1/t helps against a constant one",
-    17: "tens of episodes suffice where the earlier model took hundreds",
-}
-"""In short; Altahhan (2014) spreads them over the abstract and sections IV and V."""
-
 Verdict = Literal["reproduced", "partly reproduced", "not reproduced", "not shown", "not testable here"]
+
+
+_Judged = tuple[Verdict, str]
+_Judge = TypeVar("_Judge", bound=Callable[..., tuple[Verdict, str]])
+
+
+class Claim(NamedTuple):
+    """What the paper says, in short; what judges it; the studies whose tables that takes."""
+
+    text: str
+    judge: Callable[..., _Judged]
+    studies: tuple[Study, ...]
+
+
+CLAIMS: dict[int, Claim] = {}
+"""By their numbers, filled by `claim`; Altahhan (2014) spreads them over the abstract and sections IV and V."""
+
+
+def claim(number: int, text: str, *needed: Study) -> Callable[[_Judge], _Judge]:
+    """Stands above a judge: the claim, and the studies whose tables it takes."""
+
+    def judged_by(judge: _Judge) -> _Judge:
+        CLAIMS[number] = Claim(text, judge, needed)
+        return judge
+
+    return judged_by
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,7 @@ class Finding:
     @property
     def claim(self) -> str:
         """What the paper says, in short."""
-        return CLAIMS[self.number]
+        return CLAIMS[self.number].text
 
     def __str__(self) -> str:
         return f"**Claim C{self.number}**, {self.claim}: **{self.verdict}**. {self.effect}"
@@ -58,13 +69,15 @@ class Finding:
 @cache
 def judge(number: int) -> Finding:
     """The verdict on claim C2, C3, ... from the stored tables. Raises UserError, in one line, if they are not sound."""
-    judge_of, *needed = _JUDGES[number]
-    return Finding(number, *judge_of(*(load_table(study) for study in needed)))
+    _, judge_of, needed = CLAIMS[number]
+    return Finding(number, *judge_of(*map(load_table, needed)))
 
 
 def table(numbers: Iterable[int] = CLAIMS) -> str:
     """Verdicts as a table in Markdown."""
-    rows = [f"| C{n} | {CLAIMS[n]} | **{judge(n).verdict}** | {judge(n).effect} |" for n in numbers]
+    rows = [
+        f"| C{found.number} | {found.claim} | **{found.verdict}** | {found.effect} |" for found in map(judge, numbers)
+    ]
     return "\n".join(["| | claim | verdict | effect |", "|---|---|---|---|", *rows])
 
 
@@ -72,12 +85,12 @@ def table(numbers: Iterable[int] = CLAIMS) -> str:
 
 
 def early(of: Any, condition: str) -> Array:
-    """Mean steps of the first WINDOW episodes, one number a run. of: the table of a study."""
+    """Mean steps of the first WINDOW episodes, one number per run. of: the table of a study."""
     return episodes_of(of, condition)[:, :WINDOW].mean(axis=1)
 
 
 def late(of: Any, condition: str) -> Array:
-    """Mean steps of the last WINDOW episodes, one number a run. of: the table of a study."""
+    """Mean steps of the last WINDOW episodes, one number per run. of: the table of a study."""
     return episodes_of(of, condition)[:, -WINDOW:].mean(axis=1)
 
 
@@ -114,9 +127,9 @@ class Comparison(NamedTuple):
 
 
 def compare(ours: Array, theirs: Array) -> Comparison:
-    """One number a run, the same seeds in order."""
+    """One number per run, the same seeds in order."""
     rng = np.random.default_rng(0)
-    return Comparison(*(ratio(ours, theirs, rng, paired=True, statistic=statistic) for statistic in (iqm, np.mean)))
+    return Comparison(*(ratio(ours, theirs, rng, statistic) for statistic in (iqm, np.mean)))
 
 
 def of_steps(of: Any, ours: str, theirs: str) -> Comparison:
@@ -125,7 +138,7 @@ def of_steps(of: Any, ours: str, theirs: str) -> Comparison:
 
 
 def of_change(of: Any, ours: str, theirs: str) -> Interval:
-    """The same of a run's parameter change, as a geometric mean: zero where theirs is beyond all bounds."""
+    """The same of a run's parameter change, as a geometric mean: zero where theirs is unbounded."""
     our, their = (episodes_of(of, condition, "change").sum(axis=1) for condition in (ours, theirs))
     if not np.isfinite(their).all():
         return Interval(0.0, 0.0, 0.0)
@@ -142,7 +155,7 @@ def at_best_step_size(mapped: Any) -> dict[str, Array]:
 
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:
-    """The first episode whose mean steps are at most one and a half times those of the last; runs are drawn anew."""
+    """The first episode whose mean steps are at most one and a half times those of the last; runs are resampled."""
     steps, rng = episodes_of(of, condition), np.random.default_rng(0)
 
     def first(runs: Array) -> int:
@@ -159,13 +172,13 @@ def success(trials: Any) -> Interval:
 
 
 def at_walls(of: Any, condition: str) -> Array:
-    """Per cent of the steps spent at walls, one number a run."""
+    """Per cent of the steps spent at walls, one number per run."""
     steps, share = episodes_of(of, condition), np.nan_to_num(episodes_of(of, condition, "at_wall"))
     return 100 * (share * steps).sum(axis=1) / steps.sum(axis=1)
 
 
 def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
-    """Form 2's parameter change, shape (runs, episodes): of an episode, a step, and a step by the step size."""
+    """Form 2's parameter change, shape (runs, episodes): of an episode, per step, and per step by the step size."""
     change, steps = episodes_of(of, "form 2", "change"), episodes_of(of, "form 2")
     return {
         "a whole episode": change,
@@ -176,9 +189,8 @@ def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
 
 # --- Judges ----------------------------------------------------------------------------------------------------------
 
-_Judged = tuple[Verdict, str]
 
-
+@claim(2, "a conjugate λ is better than fixed ones, or comparable", studies.LAMBDA, studies.LAMBDA_MAP)
 def conjugate_lambda(of: Any, mapped: Any) -> _Judged:
     """Better than every fixed λ or comparable: in steps, in parameter change, and with each at its best step size.
 
@@ -203,6 +215,7 @@ def conjugate_lambda(of: Any, mapped: Any) -> _Judged:
     )
 
 
+@claim(3, "learning converges within 20 episodes", studies.REFERENCES, studies.LONG)
 def within_twenty_episodes(references: Any, long: Any) -> _Judged:
     """The last episodes of 20 take fewer steps than the first, and 180 more save less than a fifth of them."""
     of_first = compare(late(references, "learnt"), early(references, "learnt"))
@@ -215,6 +228,7 @@ def within_twenty_episodes(references: Any, long: Any) -> _Judged:
     )
 
 
+@claim(8, "after learning, home is reached from almost anywhere", studies.AFTER, studies.REFERENCES)
 def from_almost_anywhere(trials: Any, references: Any) -> _Judged:
     """At least 95 % of the trials reach home, with all of the interval; partly: more than half of them."""
     placed = trials[(trials.kidnapped == 0) & (trials.light == 1) & (trials.condition == "20 episodes")]
@@ -230,6 +244,7 @@ def from_almost_anywhere(trials: Any, references: Any) -> _Judged:
     )
 
 
+@claim(9, "a kidnapped robot recovers at once", studies.AFTER)
 def kidnapped(trials: Any) -> _Judged:
     """Carried away, at most five points fewer reach home than of those that start at such places."""
     trained = trials[(trials.light == 1) & (trials.condition == "20 episodes")]
@@ -243,37 +258,40 @@ def kidnapped(trials: Any) -> _Judged:
     )
 
 
+@claim(10, "a policy that explores less and less converges", studies.PARTS)
 def less_and_less_exploration(parts: Any) -> _Judged:
     """The last episodes take fewer steps than the first."""
     falls = compare(late(parts, "default"), early(parts, "default"))
     constant = of_steps(parts, "constant exploration and step size", "default")
     return (
         "reproduced" if falls.side == "below" else "not reproduced",
-        f"The last {WINDOW} episodes take {falls:.2f} of the steps of the first. That the decrease helps is another "
-        f"matter: with exploration and step size held constant they take {constant:.2f} of the default's "
+        f"The last {WINDOW} episodes take {falls:.2f} of the steps of the first. Whether the decrease helps is "
+        f"another matter: with exploration and step size held constant they take {constant:.2f} of the default's "
         f"({constant.word}).",
     )
 
 
+@claim(11, "the parameter change falls exponentially", studies.LAMBDA)
 def exponential_change(of: Any) -> _Judged:
     """It falls, also by step and step size, and its logarithm is straighter in the episode than in log(ep_0 + ep)."""
     settings = Settings()
     changes = list(change_by_episode(of, settings).values())
     rng = np.random.default_rng(0)
-    falls = [ratio(one[:, -WINDOW:].mean(1), one[:, :WINDOW].mean(1), rng, paired=True) for one in changes]
+    falls = [ratio(one[:, -WINDOW:].mean(1), one[:, :WINDOW].mean(1), rng) for one in changes]
     number, logarithm = np.arange(1, settings.episodes + 1), np.log(changes[0].mean(axis=0))
     exponential = np.corrcoef(logarithm, number)[0, 1] ** 2
     hyperbolic = np.corrcoef(logarithm, np.log(settings.first_episode + number))[0, 1] ** 2
     partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
     return (
         "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
-        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; that of a step to {falls[1]:.2f}; "
-        f"and divided by the step size to {falls[2]:.2f}, which is neither the shorter episodes' doing nor the "
-        f"decay's. A line through its logarithm explains {exponential:.0%} against the episode (exponential) and "
-        f"{hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
+        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per step "
+        f"and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
+        f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "
+        f"(exponential) and {hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
     )
 
 
+@claim(12, "a wall penalty, with learning at walls, reduces wall following", studies.PARTS)
 def wall_penalty(parts: Any) -> _Judged:
     """Without the penalty, and without learning at walls, more of the steps are spent there; partly: without one."""
     labels = ("no wall penalty", "no learning at walls", "wall penalty 5")
@@ -290,6 +308,7 @@ def wall_penalty(parts: Any) -> _Judged:
     )
 
 
+@claim(13, "good episodes begin around the ninth", studies.LAMBDA)
 def around_the_ninth(of: Any) -> _Judged:
     """The interval of the first good episode (`first_good`) holds 9."""
     steps, good = episodes_of(of, "form 2"), first_good(of)
@@ -302,6 +321,7 @@ def around_the_ninth(of: Any) -> _Judged:
     )
 
 
+@claim(14, "one snapshot does better than three", studies.PARTS)
 def one_snapshot(parts: Any) -> _Judged:
     """With three, an episode takes more steps."""
     found = of_steps(parts, "three snapshots", "default")
@@ -312,6 +332,7 @@ def one_snapshot(parts: Any) -> _Judged:
     )
 
 
+@claim(16, "a cost of 1/t helps against a constant one", studies.PARTS)
 def falling_cost(parts: Any) -> _Judged:
     """With a constant cost, an episode takes more steps."""
     found = of_steps(parts, "constant cost", "default")
@@ -321,33 +342,19 @@ def falling_cost(parts: Any) -> _Judged:
     )
 
 
+@claim(17, "tens of episodes suffice where the earlier model took hundreds", studies.LAMBDA, studies.PARTS)
 def tens_of_episodes(of: Any, parts: Any) -> _Judged:
     """Not to be judged without the earlier model; not reproduced if nothing is learnt in 20 episodes."""
     learnt = compare(late(parts, "default"), early(parts, "default")).side == "below"
     return (
         "not testable here" if learnt else "not reproduced",
-        "The earlier model is not rebuilt, so that the comparison is not ours to make. What is seen is how soon this "
+        "The earlier model is not rebuilt, so the comparison cannot be made here. What can be seen is how soon this "
         f"one comes within one and a half times its last episodes: by episode {first_good(of):.0f}.",
     )
 
 
-_JUDGES: dict[int, tuple[Callable[..., _Judged], *tuple[Study, ...]]] = {
-    2: (conjugate_lambda, studies.LAMBDA, studies.LAMBDA_MAP),
-    3: (within_twenty_episodes, studies.REFERENCES, studies.LONG),
-    8: (from_almost_anywhere, studies.AFTER, studies.REFERENCES),
-    9: (kidnapped, studies.AFTER),
-    10: (less_and_less_exploration, studies.PARTS),
-    11: (exponential_change, studies.LAMBDA),
-    12: (wall_penalty, studies.PARTS),
-    13: (around_the_ninth, studies.LAMBDA),
-    14: (one_snapshot, studies.PARTS),
-    16: (falling_cost, studies.PARTS),
-    17: (tens_of_episodes, studies.LAMBDA, studies.PARTS),
-}
-
-
 def _interval(values: Array) -> Interval:
-    return interval([values], np.random.default_rng(0))
+    return interval(values, np.random.default_rng(0))
 
 
 def _percent(share: Interval, sign: str = "") -> str:

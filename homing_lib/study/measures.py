@@ -1,4 +1,4 @@
-"""What is kept of a run: a table of its episodes, of trials after it, of views, of shortest ways."""
+"""What is kept of a run: a table of its episodes, of trials after it, of views, of shortest paths."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -33,14 +33,14 @@ EPISODE_COLUMNS = (
     "angle_deg",  # of the last heading to home's
     "diverged",  # 1: the weights had left the finite numbers; no other number then
 )
-"""What `episodes` keeps, a row an episode."""
+"""What `episodes` keeps, one row per episode."""
 
 
 # --- What is kept of a run -------------------------------------------------------------------------------------------
 
 
 def episodes(settings: Settings, seed: int) -> Columns:
-    """A row an episode, EPISODE_COLUMNS; those after a divergence too."""
+    """One row per episode, EPISODE_COLUMNS; those after a divergence too."""
     return episode_table(run(settings, seed))
 
 
@@ -80,7 +80,7 @@ TRIAL_LIGHTS = (1.0, 0.97, 1.03)
 def trials(settings: Settings, seed: int) -> Columns:
     """After learning: one episode without learning from everywhere, and from where a kidnapper puts the robot.
 
-    A row a trial: `kidnapped` (0: started there; 1: carried there after eight steps from the usual start), the pose
+    One row per trial: `kidnapped` (0: started there; 1: carried there after eight steps from the usual start), the pose
     `x`, `y` (m), `heading` (rad), `steps` from there, `reached`, and `light` of the trial (1: as learnt). A run that
     diverged has nothing to try: one row without numbers.
     """
@@ -140,7 +140,7 @@ def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8)
 
 def views(settings: Settings, seed: int) -> Columns:
     """The similarity of 400 random free views to home by the camera, `camera`, and by the settings' atlas, `atlas`."""
-    from homing_lib.arena import Arena
+    from homing_lib.arena import Arena  # which needs PyBullet, as nothing else here does
 
     rows: list[tuple[float, ...]] = []
 

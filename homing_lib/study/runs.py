@@ -1,7 +1,7 @@
 """Many runs, stored so that nothing is lost: what is there and sound is kept, what is missing is computed.
 
-One file a run, named by the hash of its settings and its seed, written beside its place and renamed: it is either whole
-or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
+One file per run, named by the hash of its settings and its seed, written beside its place and renamed: it is either
+whole or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +33,11 @@ from tqdm import tqdm
 import homing_lib
 from homing_lib.agent import Run, run
 from homing_lib.atlas import open_atlas
-from homing_lib.errors import DamagedFile, UserError
+from homing_lib.errors import RESUMES, DamagedFile, UserError
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings, parse_settings
-from homing_lib.storage import ROOT, read_arrays, remove_leftovers, write_arrays, write_bytes
+from homing_lib.storage import ROOT, missing, read_arrays, remove_leftovers, write_arrays, write_bytes
 
 DATA = ROOT / "data"
 """What is committed: complete runs of the headline, and one table for every other study."""
@@ -52,8 +52,10 @@ exponentials and dot products differ there in the last bits, and learning carrie
 Columns = dict[str, Array]
 """A tidy table: columns of equal length by their names. They are listed in data/README.md."""
 
-_REMEDY = "delete it, and `make data` computes it anew"
-_GOES_ON = "what was finished is kept, the same command goes on from there"
+Measure = Callable[[Settings, int], Columns]
+"""The table of one run, by its settings and seed."""
+
+_REMEDY = "delete it, and `make data` computes it from scratch"
 _ARRAYS = ("steps", "lengths", "reached")
 _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
@@ -71,7 +73,7 @@ class Study:
     reason: str
     conditions: Mapping[str, Settings]
     seeds: Sequence[int]
-    measure: Callable[[Settings, int], Columns] | None = None
+    measure: Measure | None = None
     atlases: Sequence[Settings] = ()
 
     @property
@@ -132,7 +134,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         return read_arrays(path)
     except FileNotFoundError:
-        raise UserError(f"{path}: there is no such run; `make data` computes it") from None
+        raise missing(path, "there is no such run; `make data` computes it") from None
     except DamagedFile as error:
         raise DamagedFile(f"{error}; {_REMEDY}") from None
 
@@ -141,8 +143,15 @@ def _made_by() -> dict[str, str]:
     source = hashlib.sha256()
     for file in sorted(Path(homing_lib.__file__).parent.rglob("*.py")):
         source.update(file.name.encode() + file.read_bytes())
-    packages = {package: version(package) for package in _PACKAGES}
+    packages = {package: _version(package) for package in _PACKAGES}
     return packages | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
 
 
 MADE_BY = _made_by()
@@ -156,8 +165,8 @@ imported: its files may have changed when the run ends."""
 def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
     """Compute what is missing of a study, or all of it (`force`). Returns how many runs were computed.
 
-    workers: processes on this machine, -1 for one a core; cluster: address of a Dask scheduler to use instead. Runs are
-    kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
+    workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. Runs
+    are kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
     """
     if study.measure and not force and _table_is_current(study):
         return 0
@@ -195,7 +204,7 @@ def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Res
                 results = parallel(joblib.delayed(_compute)(study.measure, *job) for job in todo)
             yield from results
         except BrokenProcessPool:
-            raise UserError(f"a worker process was killed (too little memory?); {_GOES_ON}") from None
+            raise UserError(f"a worker process was killed (too little memory?); {RESUMES}") from None
         finally:
             del results  # which stops it, if it goes on
 
@@ -269,12 +278,12 @@ def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Re
                 yield future.result()
                 future.release()
         except (CancelledError, CommClosedError):
-            raise UserError(f"--cluster {address}: the connection to the Dask scheduler was lost; {_GOES_ON}") from None
+            raise UserError(f"--cluster {address}: the connection to the Dask scheduler was lost; {RESUMES}") from None
         except KilledWorker:
-            raise UserError(f"--cluster {address}: workers keep dying of the same run; {_GOES_ON}") from None
+            raise UserError(f"--cluster {address}: workers keep dying of the same run; {RESUMES}") from None
 
 
-def _compute(measure: Callable[[Settings, int], Columns] | None, settings: Settings, seed: int) -> _Result:
+def _compute(measure: Measure | None, settings: Settings, seed: int) -> _Result:
     return settings, seed, (measure or run)(settings, seed), MADE_BY
 
 
@@ -319,14 +328,13 @@ def load_study(study: Study) -> dict[str, list[Run]]:
 def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
     """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
 
-    What a run that diverged did not finish counts as `max_steps` steps, for its robot would not come home, and as NaN
-    in every column.
+    Of what a run that diverged did not finish, the sums are NaN, and the steps are `max_steps`.
     """
     table = np.full((len(runs), max(one.settings.episodes for one in runs)), np.nan)
     for row, one in zip(table, runs, strict=True):
         if column is None:
-            row[: one.settings.episodes] = one.settings.max_steps
             row[: len(one.lengths)] = one.lengths
+            row[: one.settings.episodes] = _capped(row[: one.settings.episodes], one.settings)
         else:
             ends = np.cumsum(one.lengths)
             sums = np.concatenate([[0.0], np.cumsum(one.column(column))])
@@ -335,10 +343,15 @@ def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
 
 
 def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
-    """The same of a study's table: shape (runs, episodes), seeds in order. NaN steps again count as `max_steps`."""
+    """The same of a study's table: shape (runs, episodes), seeds in order."""
     rows = table[table.condition == condition].sort_values(["seed", "episode"])
     values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
-    return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
+    return _capped(values, Settings()) if column == "steps" else values
+
+
+def _capped(steps: Array, settings: Settings) -> Array:
+    """A robot that diverged would not come home: the steps that it has not are the most there are."""
+    return np.where(np.isnan(steps), settings.max_steps, steps)
 
 
 # --- Tables -------------------------------------------------------------------------------------------------------
@@ -347,7 +360,7 @@ def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
 def load_table(study: Study) -> pd.DataFrame:
     """A study's table: columns `condition`, `seed`, then those of its measure. Raises UserError if it is not sound."""
     if not _table_is_current(study):
-        raise UserError(f"{study.table}: missing, or of an older version of this study; `make data` computes it")
+        raise missing(study.table, "missing, or of an older version of this study; `make data` computes it")
     return pd.read_parquet(study.table)
 
 
@@ -388,7 +401,7 @@ def _sha256(file: Path) -> str:
 def _read_manifest(study: Study) -> dict[str, Any]:
     """The manifest, empty if there is none."""
     try:
-        manifest = json.loads(_manifest(study).read_text())
+        manifest = json.loads(_manifest(study).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except ValueError as error:

@@ -4,7 +4,7 @@ The run is the unit: its episodes depend on each other, its seed on nothing. Int
 of `scipy.stats.bootstrap`, which resamples runs. With five runs they are rough, and rather too narrow than too wide.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -35,14 +35,9 @@ def iqm(values: ArrayLike, axis: int | None = None) -> Any:
     return stats.trim_mean(values, 0.25, axis=axis)
 
 
-def interval(
-    strata: Sequence[ArrayLike], rng: np.random.Generator, statistic: Callable[..., Any] = np.mean
-) -> Interval:
-    """A statistic of all runs together, resampled within each stratum (a room, a task): a stratified bootstrap.
-
-    strata: the numbers of each stratum, one a run; statistic: takes `axis`, such as `np.mean` or `iqm`.
-    """
-    return _bootstrap(strata, lambda *samples, axis: statistic(np.concatenate(samples, axis=axis), axis=axis), rng)
+def interval(values: ArrayLike, rng: np.random.Generator, statistic: Callable[..., Any] = np.mean) -> Interval:
+    """A statistic of numbers, one per run. statistic: takes `axis`, such as `np.mean` or `iqm`."""
+    return _bootstrap(rng, statistic, values)
 
 
 def band(table: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -69,47 +64,23 @@ def judged(found: Interval, margin: float = MARGIN) -> Literal["better", "worse"
 
 
 def ratio(
-    numerator: ArrayLike,
-    denominator: ArrayLike,
-    rng: np.random.Generator,
-    *,
-    paired: bool,
-    statistic: Callable[..., Any] = np.mean,
+    numerator: ArrayLike, denominator: ArrayLike, rng: np.random.Generator, statistic: Callable[..., Any] = np.mean
 ) -> Interval:
-    """A statistic of one over that of the other. paired: element i of both belongs to the same run, drawn with it."""
-    return _bootstrap(
-        (numerator, denominator),
-        lambda a, b, axis: statistic(a, axis=axis) / statistic(b, axis=axis),
-        rng,
-        paired=paired,
-    )
+    """A statistic of one over that of the other. Element i of both belongs to the same seed, and is drawn with it."""
+    return _bootstrap(rng, lambda a, b, axis: statistic(a, axis=axis) / statistic(b, axis=axis), numerator, denominator)
 
 
-def probability_of_improvement(
-    ours: ArrayLike, theirs: ArrayLike, rng: np.random.Generator, *, paired: bool
-) -> Interval:
-    """How probably ours is the lesser (steps: the better) of two, ties counting half.
-
-    paired: of the pairs that share a seed; else of all pairs, the Mann-Whitney statistic.
-    """
-
-    def share(a: Array, b: Array, axis: int) -> Any:
-        if paired:
-            return ((a < b) + (a == b) / 2).mean(axis=axis)
-        a, b = np.moveaxis(a, axis, -1)[..., :, None], np.moveaxis(b, axis, -1)[..., None, :]
-        return ((a < b) + (a == b) / 2).mean(axis=(-2, -1))
-
-    return _bootstrap((ours, theirs), share, rng, paired=paired)
+def probability_of_improvement(ours: ArrayLike, theirs: ArrayLike, rng: np.random.Generator) -> Interval:
+    """How probably ours is the lesser (steps: the better) of a pair that shares a seed, ties counting half."""
+    return _bootstrap(rng, lambda a, b, axis: ((a < b) + (a == b) / 2).mean(axis=axis), ours, theirs)
 
 
-def _bootstrap(
-    samples: Sequence[ArrayLike], statistic: Callable[..., Any], rng: np.random.Generator, paired: bool = False
-) -> Interval:
+def _bootstrap(rng: np.random.Generator, statistic: Callable[..., Any], *samples: ArrayLike) -> Interval:
     data = [np.asarray(sample, dtype=np.float64) for sample in samples]
     value = float(statistic(*data, axis=-1))
-    if any(sample.size < 2 for sample in data):
+    if data[0].size < 2:
         return Interval(value, np.nan, np.nan)  # one run says nothing of how runs differ
     found = stats.bootstrap(
-        data, statistic, n_resamples=RESAMPLES, method="percentile", vectorized=True, paired=paired, rng=rng
+        data, statistic, n_resamples=RESAMPLES, method="percentile", vectorized=True, paired=True, rng=rng
     )
     return Interval(value, float(found.confidence_interval.low), float(found.confidence_interval.high))

@@ -4,76 +4,27 @@ What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then
 of `Settings`. Everything that is judged runs on seeds from 1000 up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from homing_lib.settings import Settings
 from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, views
-from homing_lib.study.runs import DATA, Study, load_table
+from homing_lib.study.runs import DATA, Study, episodes_of, load_table
 
 JUDGED = range(1000, 1050)
 
-# --- Calibration, on seeds that nothing is judged by -----------------------------------------------------------------
-
-_CHOICES: dict[str, tuple[Any, ...]] = {
-    "alpha0": (1.25e-4, 1.25e-3, 3e-3, 1.25e-2),
-    "exploration": (0.01, 0.02, 0.03, 0.05, 0.1, "epsilon-greedy"),
-    "wall_penalty": (0.1, 0.3, 1.0, 3.0),
-    "variance": ("pooled", "per-bin"),
-    "forward_m": (0.04, 0.06),
-    "turn_deg": (20.0, 30.0, 45.0),
-    "turn_advance_m": (0.03, 0.06),
-}
+_LISTED: list[Callable[[], Study]] = []
 
 
-def _candidates(count: int = 160) -> dict[str, Settings]:
-    """Settings drawn at random from the choices above, by label."""
-    rng = np.random.default_rng(0)
-    drawn: dict[str, Settings] = {}
-    while len(drawn) < count:
-        values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
-        label = " ".join(str(value) for value in values.values())
-        exploration = values.pop("exploration")
-        greedy = isinstance(exploration, str)
-        explore = {"mixture": exploration if greedy else "normalised", "tau0": 0.03 if greedy else exploration}
-        drawn[label] = Settings().with_changes(images="atlas", **explore, **values)
-    return drawn
-
-
-CALIBRATION = Study(
-    "calibration",
-    "What the paper leaves open, searched at random over the choices that its text and the robot allow: 160 settings, "
-    "ten seeds each.",
-    _candidates(),
-    range(10),
-    episodes,
-)
-
-
-def calibration_score(table: Any) -> Any:
-    """The objective of the calibration: mean steps of episodes 11 to 20, a diverged episode counted as the step cap.
-
-    table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
-    """
-    late = table[table.episode > 10]
-    steps = late.steps.fillna(Settings().max_steps)
-    return steps.groupby(late.condition.astype(str)).mean().sort_values(kind="stable")
-
-
-@cache
-def finalists() -> Study:
-    """The sixteen best of the calibration on ninety more seeds, since the best of many is flattered by luck."""
-    best = calibration_score(load_table(CALIBRATION)).index[:16]
-    return Study(
-        "finalists",
-        "The sixteen best settings of the calibration on ninety further seeds: the best of many is flattered by luck.",
-        {label: CALIBRATION.conditions[label] for label in best},
-        range(10, 100),
-        episodes,
-    )
+def study(*what: Any) -> Study:
+    """A `Study` of these fields, on the list of those that `homing studies` shows and `make data` computes."""
+    made = Study(*what)
+    _LISTED.append(lambda: made)
+    return made
 
 
 # --- What is judged --------------------------------------------------------------------------------------------------
@@ -83,7 +34,7 @@ _ATLAS = Settings(images="atlas")
 _COARSER = _ATLAS.with_changes(atlas_spacing_m=0.03)
 """For studies that need several atlases: half as many views. Notebook 5 holds it against the camera, too."""
 
-HEADLINE = Study(
+HEADLINE = study(
     "headline",
     "Five runs of twenty episodes as the paper reports them, every step kept, and five of uniformly random actions.",
     {"form 2": _CAMERA, "random": _CAMERA.with_changes(controller="random")},
@@ -97,7 +48,7 @@ RULES = {
     "form 3": "polak-ribiere",
 } | {f"fixed {value:g}": f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0)}
 
-LAMBDA = Study(
+LAMBDA = study(
     "lambda",
     "Does the conjugate lambda do better than fixed ones, or as well (claim C2)? With the camera, at the default step "
     "size; form 2 is the headline in fifty runs.",
@@ -108,7 +59,7 @@ LAMBDA = Study(
 
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
 
-LAMBDA_MAP = Study(
+LAMBDA_MAP = study(
     "lambda-map",
     "The same over step sizes, among them the three that the paper prints (E4): who is best at its own best step size, "
     "and who survives a large one?",
@@ -143,7 +94,7 @@ AS_PRINTED: dict[str, dict[str, Any]] = {
 }
 """Each reading of the print alone, as a change of the defaults."""
 
-PRINTED = Study(
+PRINTED = study(
     "printed",
     "What does each error of the print, and each reading of it, change? One at a time against the defaults.",
     {"default": _ATLAS} | {label: _ATLAS.with_changes(**changes) for label, changes in AS_PRINTED.items()},
@@ -151,7 +102,7 @@ PRINTED = Study(
     episodes,
 )
 
-PARTS = Study(
+PARTS = study(
     "parts",
     "What does each part of the model contribute? One at a time taken away or changed.",
     {
@@ -174,7 +125,7 @@ PARTS = Study(
     episodes,
 )
 
-AFTER = Study(
+AFTER = study(
     "after",
     "After learning: is home reached from everywhere, by a kidnapped robot, in another light (claims C8, C9)?",
     {"20 episodes": _COARSER, "100 episodes": _COARSER.with_changes(episodes=100)},
@@ -183,7 +134,7 @@ AFTER = Study(
     [_COARSER.with_changes(light=light) for light in TRIAL_LIGHTS],
 )
 
-ROOMS = Study(
+ROOMS = study(
     "rooms",
     "Nothing was fitted to one room: the same settings with a partition in the way, and in another room.",
     {
@@ -195,7 +146,7 @@ ROOMS = Study(
     episodes,
 )
 
-LONG = Study(
+LONG = study(
     "long",
     "Two hundred episodes: what do twenty leave undone?",
     {
@@ -206,7 +157,7 @@ LONG = Study(
     episodes,
 )
 
-REFERENCES = Study(
+REFERENCES = study(
     "references",
     "What does one do without learning: random actions, or a walk up the similarity (the snapshot-homing idea)?",
     {
@@ -218,30 +169,7 @@ REFERENCES = Study(
     episodes,
 )
 
-LATTICES = {
-    "4 cm, 20 degrees": _ATLAS.with_changes(atlas_spacing_m=0.04, atlas_heading_deg=20),
-    "3 cm, 15 degrees": _ATLAS.with_changes(atlas_spacing_m=0.03, atlas_heading_deg=15),
-    "3 cm, 10 degrees": _COARSER,
-    "2 cm, 10 degrees": _ATLAS,
-}
-
-LATTICE_RUNS = Study(
-    "lattice-runs",
-    "Does learning on an atlas differ from learning with the camera (form 2 of `lambda`), and from which lattice on?",
-    LATTICES,
-    JUDGED,
-    episodes,
-)
-
-LATTICE_VIEWS = Study(
-    "lattice-views",
-    "How far does the similarity that an atlas gives stand from the camera's, at random poses?",
-    LATTICES,
-    range(1000, 1005),
-    views,
-)
-
-SHORTEST = Study(
+SHORTEST = study(
     "shortest",
     "The least number of steps that the robot's actions allow.",
     {"shortest": _ATLAS},
@@ -249,12 +177,96 @@ SHORTEST = Study(
     shortest,
 )
 
+LATTICES = {
+    "4 cm, 20 degrees": _ATLAS.with_changes(atlas_spacing_m=0.04, atlas_heading_deg=20),
+    "3 cm, 15 degrees": _ATLAS.with_changes(atlas_spacing_m=0.03, atlas_heading_deg=15),
+    "3 cm, 10 degrees": _COARSER,
+    "2 cm, 10 degrees": _ATLAS,
+}
+
+LATTICE_RUNS = study(
+    "lattice-runs",
+    "Does learning on an atlas differ from learning with the camera (form 2 of `lambda`), and from which lattice on?",
+    LATTICES,
+    JUDGED,
+    episodes,
+)
+
+LATTICE_VIEWS = study(
+    "lattice-views",
+    "How far does the similarity that an atlas gives stand from the camera's, at random poses?",
+    LATTICES,
+    range(1000, 1005),
+    views,
+)
+
+# --- Calibration, on seeds that nothing is judged by -----------------------------------------------------------------
+
+_CHOICES: dict[str, tuple[Any, ...]] = {
+    "alpha0": (1.25e-4, 1.25e-3, 3e-3, 1.25e-2),
+    "exploration": (0.01, 0.02, 0.03, 0.05, 0.1, "epsilon-greedy"),
+    "wall_penalty": (0.1, 0.3, 1.0, 3.0),
+    "variance": ("pooled", "per-bin"),
+    "forward_m": (0.04, 0.06),
+    "turn_deg": (20.0, 30.0, 45.0),
+    "turn_advance_m": (0.03, 0.06),
+}
+
+
+def _candidates(count: int = 160) -> dict[str, Settings]:
+    """Settings drawn at random from the choices above, by label."""
+    rng = np.random.default_rng(0)
+    drawn: dict[str, Settings] = {}
+    while len(drawn) < count:
+        values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
+        label = " ".join(str(value) for value in values.values())
+        exploration = values.pop("exploration")
+        greedy = isinstance(exploration, str)
+        explore = {"mixture": exploration if greedy else "normalised", "tau0": 0.03 if greedy else exploration}
+        drawn[label] = Settings().with_changes(images="atlas", **explore, **values)
+    return drawn
+
+
+CALIBRATION = study(
+    "calibration",
+    "What the paper leaves open, searched at random over the choices that its text and the robot allow: 160 settings, "
+    "ten seeds each.",
+    _candidates(),
+    range(10),
+    episodes,
+)
+
+
+def calibration_score(table: Any) -> Any:
+    """The objective of the calibration: mean steps of episodes 11 to 20, a diverged episode counted as the step cap.
+
+    table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
+    """
+    scores = {label: episodes_of(table, label)[:, 10:].mean() for label in sorted(table.condition.unique())}
+    return pd.Series(scores).sort_values(kind="stable")
+
+
+@cache
+def finalists() -> Study:
+    """The sixteen best of the calibration on ninety more seeds, since the best of many is flattered by luck."""
+    best = calibration_score(load_table(CALIBRATION)).index[:16]
+    return Study(
+        "finalists",
+        "The sixteen best settings of the calibration on ninety further seeds: the best of many is flattered by luck.",
+        {label: CALIBRATION.conditions[label] for label in best},
+        range(10, 100),
+        episodes,
+    )
+
+
+_LISTED.append(finalists)
+
+# --- All of them -----------------------------------------------------------------------------------------------------
+
 
 def in_order() -> Iterator[Study]:
-    """All studies; the last needs the table of the one before it."""
-    yield from (HEADLINE, LAMBDA, LAMBDA_MAP, PRINTED, PARTS, AFTER, ROOMS, LONG, REFERENCES, SHORTEST)
-    yield from (LATTICE_RUNS, LATTICE_VIEWS, CALIBRATION)
-    yield finalists()
+    """All studies as they stand here; the last needs the table of the one before it."""
+    return (each() for each in _LISTED)
 
 
 PAGE = DATA / "STUDIES.md"
@@ -268,21 +280,21 @@ def page() -> str:
         "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py). A condition is "
         "the default settings (`homing settings`), changed as stated.",
     ]
-    for study in in_order():
-        seeds = f"{min(study.seeds)} to {max(study.seeds)}"
+    for one in in_order():
+        seeds = f"{min(one.seeds)} to {max(one.seeds)}"
         parts += [
-            f"## {study.name}",
-            study.reason,
-            f"Seeds {seeds}, {len(study.conditions)} conditions. Kept of a run: {study.measured}.",
-            _conditions(study),
+            f"## {one.name}",
+            one.reason,
+            f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}.",
+            _conditions(one),
         ]
     return "\n\n".join(parts) + "\n"
 
 
-def _conditions(study: Study) -> str:
+def _conditions(of: Study) -> str:
     """The conditions of a study as a table; those of a large grid or search as the values that each setting takes."""
     default = Settings().model_dump()
-    every = [settings.model_dump() for settings in study.conditions.values()]
+    every = [settings.model_dump() for settings in of.conditions.values()]
     taken = {name: sorted({values[name] for values in every}) for name in default}
     shared = {name: values[0] for name, values in taken.items() if len(values) == 1 and values[0] != default[name]}
     varied = {name: values for name, values in taken.items() if len(values) > 1}
@@ -291,7 +303,7 @@ def _conditions(study: Study) -> str:
         rows += [f"| `{name}` | {', '.join(f'`{v}`' for v in values)} |" for name, values in varied.items()]
     else:
         rows = ["| condition | settings |", "|---|---|"]
-        for label, values in zip(study.conditions, every, strict=True):
+        for label, values in zip(of.conditions, every, strict=True):
             changed = [f"`{name} = {values[name]}`" for name in varied if values[name] != default[name]]
             rows.append(f"| {label} | {', '.join(changed) or 'as by default'} |")
     common = ", ".join(f"`{name} = {value}`" for name, value in shared.items())
