@@ -32,7 +32,7 @@ STUDY = Study(
     "small",
     "To be killed.",
     {"form 2": SMALL, "random": SMALL.with_changes(controller="random")},
-    range(8),
+    range(5),
     measures.episodes,
 )
 

@@ -261,7 +261,7 @@ def _connect(address: str) -> Any:
 
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said below
     try:
-        return Client(address, timeout="10s")
+        return Client(address, timeout="5s")
     except (OSError, ValueError) as error:
         raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
 
