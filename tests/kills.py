@@ -36,7 +36,7 @@ STUDY = Study(
     measures.episodes,
 )
 
-VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 1), ("everything", 2))
+VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 2))
 """Who is killed, and how many workers there are, in turns."""
 
 Contents = dict[str, bytes]

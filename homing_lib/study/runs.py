@@ -229,7 +229,7 @@ def _interrupts_later() -> Iterator[None]:
         yield
         return
     came: list[Any] = []
-    before = signal.signal(signal.SIGINT, lambda *which: came.append(which))
+    before = signal.signal(signal.SIGINT, lambda *what: came.append(what))
     if has_masks := hasattr(signal, "pthread_sigmask"):
         resource_tracker.ensure_running()  # both trackers unblock it when they start
         multiprocessing.resource_tracker.ensure_running()
