@@ -284,8 +284,8 @@ def exponential_change(of: Any) -> _Judged:
     partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
     return (
         "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
-        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per step "
-        f"and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
+        f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per "
+        f"step and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
         f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "
         f"(exponential) and {hyperbolic:.0%} against the logarithm of ep_0 + episode (hyperbolic, as the step size).",
     )
