@@ -32,11 +32,11 @@ STUDY = Study(
     "small",
     "To be killed.",
     {"form 2": SMALL, "random": SMALL.with_changes(controller="random")},
-    range(8),
+    range(5),
     measures.episodes,
 )
 
-VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 1), ("everything", 2))
+VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 2))
 """Who is killed, and how many workers there are, in turns."""
 
 Contents = dict[str, bytes]

@@ -168,6 +168,17 @@ def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
     assert rows[2].startswith(f"| C2 | {CLAIMS[2].text} | **{claims.judge(2).verdict}** | ")
 
 
+def test_a_claim_is_added_by_its_judge_alone(monkeypatch):
+    monkeypatch.setitem(CLAIMS, 99, None)  # so that it goes again
+
+    @claims.claim(99, "robots fly")
+    def flight():
+        return "not shown", "None did."
+
+    assert claims.judge(99) == Finding(99, "not shown", "None did.")
+    assert claims.table([99]).splitlines()[-1] == "| C99 | robots fly | **not shown** | None did. |"
+
+
 def test_a_lost_robot_leaves_a_comparison_open_that_the_typical_robot_would_decide():
     theirs = 40 + np.arange(50.0)
     ours = theirs * 0.7

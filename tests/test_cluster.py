@@ -71,7 +71,7 @@ def test_a_cluster_that_loses_a_worker_in_mid_sweep_stores_the_same_bytes_as_thi
             end(process)
     assert found < len(STUDY.jobs())
     assert process.returncode == 0, errors
-    assert output == "small: 16 runs computed, 16 stored\n"
+    assert output == "small: 10 runs computed, 10 stored\n"
     assert contents(tmp_path / "cluster") == whole
 
 

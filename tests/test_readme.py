@@ -1,8 +1,10 @@
-"""README.md: its code runs as it stands, and what it says of the runs is so."""
+"""What readers meet first: the README, whose code runs as it stands, and the first lines of each notebook."""
 
+import json
 import re
 import sys
 
+import numpy as np
 import pytest
 
 import homing_lib
@@ -32,5 +34,17 @@ def test_what_the_readme_links_is_there(path):
 
 
 def test_at_most_steps_lambda_is_reset_as_the_readme_says():
-    says = "At most steps λ lies outside [0, 1] and is reset" in README
-    assert says == (report.stored_headline().clipped > 0.5)
+    says = "At most steps λ lies outside [0, 1] and is reset" in " ".join(README.split())
+    clipped = np.concatenate([run.column("clipped") for run in report.stored_headline().learnt])
+    assert says == (clipped.mean() > 0.5)
+
+
+@pytest.mark.parametrize("notebook", sorted((ROOT / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_each_notebook_says_first_what_it_teaches_what_it_needs_and_how_long_it_takes(notebook):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    takes = r"\*\*It takes\*\* \d+ minutes to read and (\d+ seconds|half a minute|a minute) to run"
+    for line in (r"\*\*You will learn\*\* \w", r"\*\*You need\*\* \S", takes):
+        assert re.search(line, texts[0]), line
+    headings = re.findall(r"^#+ .*", "\n".join(texts), re.M)
+    assert not [heading for heading in headings if "$" in heading], "a table of contents shows the bare LaTeX"

@@ -53,6 +53,23 @@ def stored(result, tmp_path):
     return path
 
 
+@pytest.fixture(scope="module")
+def computed_once(tmp_path_factory):
+    """Where both kinds of the study are stored."""
+    folders = {study.measured: tmp_path_factory.mktemp("computed") for study in (STUDY, TABLE)}
+    for study in (STUDY, TABLE):
+        with pytest.MonkeyPatch.context() as patch:
+            use(folders[study.measured], patch)
+            sweep(study, workers=1)
+    return folders
+
+
+@pytest.fixture
+def computed(computed_once, tmp_path):
+    """Call it with a study, and that is stored."""
+    return lambda study: shutil.copytree(computed_once[study.measured], tmp_path / "here", dirs_exist_ok=True)
+
+
 def contents(folder):
     """Every file below a folder: its bytes by its path."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -168,8 +185,8 @@ def test_one_worker_and_two_store_the_same_bytes_and_a_second_sweep_computes_not
 
 
 @both_kinds
-def test_a_deleted_run_is_computed_again_to_the_bit_and_no_other(study, tmp_path):
-    sweep(study, workers=1)
+def test_a_deleted_run_is_computed_again_to_the_bit_and_no_other(study, tmp_path, computed):
+    computed(study)
     before, times = contents(tmp_path), written(study.folder)
     gone = path_of(study.folder, TINY, 1)
     gone.unlink()
@@ -180,8 +197,8 @@ def test_a_deleted_run_is_computed_again_to_the_bit_and_no_other(study, tmp_path
     assert {path for path, when in written(study.folder).items() if when != times[path]} == {gone}
 
 
-def test_a_deleted_table_is_joined_again_from_the_runs_to_the_bit(tmp_path):
-    sweep(TABLE, workers=1)
+def test_a_deleted_table_is_joined_again_from_the_runs_to_the_bit(tmp_path, computed):
+    computed(TABLE)
     before = contents(tmp_path)
     TABLE.table.unlink()
     assert sweep(TABLE, workers=1) == 0
@@ -189,8 +206,8 @@ def test_a_deleted_table_is_joined_again_from_the_runs_to_the_bit(tmp_path):
 
 
 @both_kinds
-def test_a_forced_sweep_computes_everything_again_to_the_bit(study, tmp_path):
-    sweep(study, workers=1)
+def test_a_forced_sweep_computes_everything_again_to_the_bit(study, tmp_path, computed):
+    computed(study)
     before, times = contents(tmp_path), written(study.folder)
     assert sweep(study, workers=1, force=True) == 6
     assert contents(tmp_path) == before
@@ -198,8 +215,8 @@ def test_a_forced_sweep_computes_everything_again_to_the_bit(study, tmp_path):
 
 
 @both_kinds
-def test_a_sweep_refuses_a_damaged_run_and_one_of_other_settings_or_another_seed(study):
-    sweep(study, workers=1)
+def test_a_sweep_refuses_a_damaged_run_and_one_of_other_settings_or_another_seed(study, computed):
+    computed(study)
     study.table.with_suffix(".json").unlink()  # it would notice at once
     path, other = path_of(study.folder, TINY, 0), path_of(study.folder, TINY, 1)
     whole = path.read_bytes()
@@ -212,16 +229,16 @@ def test_a_sweep_refuses_a_damaged_run_and_one_of_other_settings_or_another_seed
     assert path.read_bytes() == whole
 
 
-def test_complete_runs_are_read_by_condition_with_seeds_in_order():
-    sweep(STUDY, workers=1)
+def test_complete_runs_are_read_by_condition_with_seeds_in_order(computed):
+    computed(STUDY)
     stored = load_study(STUDY)
     assert list(stored) == ["form 2", "random"]
     for label, settings in STUDY.conditions.items():
         assert [(one.settings, one.seed) for one in stored[label]] == [(settings, seed) for seed in range(3)]
 
 
-def test_a_table_holds_the_measure_of_each_run_by_condition_and_seed():
-    sweep(TABLE, workers=1)
+def test_a_table_holds_the_measure_of_each_run_by_condition_and_seed(computed):
+    computed(TABLE)
     table = load_table(TABLE)
     assert len(table) == 2 * 3 * TINY.episodes
     for (label, seed), rows in table.groupby(["condition", "seed"], observed=True):
@@ -230,10 +247,10 @@ def test_a_table_holds_the_measure_of_each_run_by_condition_and_seed():
             np.testing.assert_array_equal(rows[name], values.astype(np.float32))
 
 
-def test_a_damaged_table_or_manifest_is_refused_and_one_of_another_study_is_not_taken_for_this():
+def test_a_damaged_table_or_manifest_is_refused_and_one_of_another_study_is_not_taken_for_this(computed):
     refused = f"{TABLE.table}: missing, or of an older version of this study; `make data` computes it"
     assert refusal(load_table, TABLE) == refused
-    sweep(TABLE, workers=1)
+    computed(TABLE)
     assert refusal(load_table, replace(TABLE, seeds=range(4))) == refused
     whole = TABLE.table.read_bytes()
     TABLE.table.write_bytes(whole[:-1])
@@ -246,8 +263,8 @@ def test_a_damaged_table_or_manifest_is_refused_and_one_of_another_study_is_not_
 
 
 @both_kinds
-def test_the_fingerprint_changes_when_the_data_do_and_only_then(study, tmp_path, monkeypatch):
-    sweep(study, workers=1)
+def test_the_fingerprint_changes_when_the_data_do_and_only_then(study, tmp_path, monkeypatch, computed):
+    computed(study)
     first = fingerprint([study])
     use(tmp_path / "there", monkeypatch)
     sweep(study, workers=1)
@@ -277,8 +294,8 @@ def test_a_repeated_run_is_the_stored_one_to_the_bit_or_within_the_tolerance_or_
     assert compare(one, replace(one, diverged=2)) == "not"
 
 
-def test_verification_repeats_the_first_run_live_and_tells_a_tampered_one_from_it():
-    sweep(STUDY, workers=1)
+def test_verification_repeats_the_first_run_live_and_tells_a_tampered_one_from_it(computed):
+    computed(STUDY)
     assert verify(STUDY) == "This machine reproduces the stored run to the bit (seed 0, 2 episodes, 20 steps)."
     path = path_of(STUDY.folder, TINY, 0)
     whole = load(path)

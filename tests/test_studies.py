@@ -43,6 +43,13 @@ def test_studies_have_different_names_and_each_its_reason():
     assert all(len(study.reason) > 30 for study in STUDIES)
 
 
+def test_a_study_is_listed_where_it_is_defined(monkeypatch):
+    monkeypatch.setattr(studies, "_LISTED", [])
+    new = studies.study("new", "Does the robot fly?", {"default": Settings()}, range(2000, 2002), measures.episodes)
+    assert list(studies.in_order()) == [new]
+    assert "## new\n\nDoes the robot fly?\n\nSeeds 2000 to 2001, 1 conditions." in studies.page()
+
+
 def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settings_of_each():
     page = studies.PAGE.read_text(encoding="utf-8")
     assert page == studies.page()

@@ -229,7 +229,7 @@ def _interrupts_later() -> Iterator[None]:
         yield
         return
     came: list[Any] = []
-    before = signal.signal(signal.SIGINT, lambda *which: came.append(which))
+    before = signal.signal(signal.SIGINT, lambda *what: came.append(what))
     if has_masks := hasattr(signal, "pthread_sigmask"):
         resource_tracker.ensure_running()  # both trackers unblock it when they start
         multiprocessing.resource_tracker.ensure_running()
@@ -261,7 +261,7 @@ def _connect(address: str) -> Any:
 
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said below
     try:
-        return Client(address, timeout="10s")
+        return Client(address, timeout="5s")
     except (OSError, ValueError) as error:
         raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
 

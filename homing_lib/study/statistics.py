@@ -16,7 +16,7 @@ from homing_lib.features import Array
 RESAMPLES = 9999
 
 MARGIN = 1.25
-"""Steps that differ by no more than this factor, either way, are called comparable."""
+"""Steps that differ by no more than this factor, in either direction, are called comparable."""
 
 
 class Interval(NamedTuple):
@@ -52,15 +52,15 @@ def side(estimate: Interval, reference: float) -> Literal["below", "above", "ope
     return "below" if estimate.high < reference else "above" if estimate.low > reference else "open"
 
 
-def judged(found: Interval, margin: float = MARGIN) -> Literal["better", "worse", "comparable", "open"]:
-    """What a ratio of steps says: less than 1 is better; comparable if all of the interval lies within the margin.
+def judged(found: Interval) -> Literal["better", "worse", "comparable", "open"]:
+    """What a ratio of steps says: less than 1 is better; comparable if all of the interval lies within MARGIN.
 
-    Open, which is not comparable: it holds 1, and more than the margin on one side.
+    Open, which is not comparable: it holds 1, and more than MARGIN on one side.
     """
     where = side(found, 1)
     if where != "open":
         return "better" if where == "below" else "worse"
-    return "comparable" if found.low > 1 / margin and found.high < margin else "open"
+    return "comparable" if found.low > 1 / MARGIN and found.high < MARGIN else "open"
 
 
 def ratio(
