@@ -5,13 +5,17 @@
 #   make data        check the stored runs, compute the missing ones (all of them: make data FORCE=1)
 #   make verify      repeat one stored run live and compare it to the bit
 #   make notebooks   execute the notebooks; they write figures/ and notebooks/executed/
-#   make quick       the same in a few minutes and into .build/quick, for trying changes out
+#   make quick       the same in some minutes and into .build/quick, for trying changes out
 #   make paper       the report
 #   make bench       what learning reaches and costs, in one table
+#   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
+#   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
 #   make lock        write environment.lock anew from pyproject.toml
 #   make clean       forget what was built; data and figures stay
 
-PYTHON ?= python3.11
+# The first that is there; `make PYTHON=python3.13` takes another, and makes .venv anew.
+found   = $(shell python$(1) -c 'print("python$(1)")' 2>/dev/null)
+PYTHON ?= $(or $(call found,3.11),$(call found,3.12),$(call found,3.13),python3.11)
 VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
@@ -32,7 +36,7 @@ unexport PYTHONPATH PYTHONHOME
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper bench lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper bench class compact lock clean help FORCE
 
 all: .build/verified paper/report.pdf
 	@$(HOMING) summary
@@ -41,18 +45,33 @@ all: .build/verified paper/report.pdf
 
 ### Environment: exactly the locked packages, then this one
 
-.venv/.locked: environment.lock
-	@$(PYTHON) -c 'import ensurepip, sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { echo \
-	  "homing: '$(PYTHON)' is no Python 3.11 with venv; on Debian: apt-get install python3.11-venv;" \
+PIP     := -m pip install -qq --disable-pip-version-check
+VERSION := $(shell $(PYTHON) -c 'import ensurepip, sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+COMPILE := $(filter-out 3.11-Linux-x86_64,$(VERSION)-$(shell uname -s)-$(shell uname -m))
+
+.venv/.locked-$(VERSION): environment.lock
+	@[[ "$(VERSION)" = 3.1[123] ]] || { echo \
+	  "homing: '$(PYTHON)' is no Python 3.11, 3.12 or 3.13 with venv; on Debian: apt-get install python3.11-venv;" \
 	  "elsewhere: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
-	$(VENV) -m pip install -qq --disable-pip-version-check --only-binary :all: --require-hashes -r $<
+	@$(if $(COMPILE),echo "PyBullet has no wheel for this Python: compiling it takes 7 minutes on two cores")
+	$(VENV) $(PIP) --only-binary :all: $(if $(COMPILE),--no-binary pybullet) --require-hashes -r $<
 	@touch $@
 
-.venv/.ready: .venv/.locked pyproject.toml
-	$(VENV) -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e .
+.venv/.ready: .venv/.locked-$(VERSION) pyproject.toml
+	$(VENV) $(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
+
+# For lessons: whatever packages this Python gets, and PyBullet only where it has a wheel. `OPEN=` opens nothing.
+OPEN ?= lab
+.build/class/.ready: pyproject.toml
+	$(PYTHON) -m venv .build/class
+	.build/class/bin/python $(PIP) -e .
+	@touch $@
+
+class: .build/class/.ready
+	$(if $(OPEN),env -u MPLBACKEND .build/class/bin/jupyter $(OPEN) notebooks)
 
 
 ### Data: always checked (a second), newer only if its content changed
@@ -117,8 +136,12 @@ bench: .venv/.ready
 lock:
 	$(PYTHON) -m venv .build/lock
 	.build/lock/bin/pip install -qq --disable-pip-version-check uv
-	.build/lock/bin/uv pip compile -q pyproject.toml --extra dev --python-version 3.11 --only-binary :all: \
-	  --generate-hashes --no-header --no-emit-index-url --no-emit-find-links -o environment.lock
+	.build/lock/bin/uv pip compile -q pyproject.toml --extra dev --extra camera --universal --python-version 3.11 \
+	  --only-binary :all: --no-binary pybullet --generate-hashes --no-header --no-emit-index-url --no-emit-find-links \
+	  -o environment.lock
+
+compact: .venv/.ready
+	$(VENV) -c 'from homing_lib import compact; compact.write()'
 
 clean:
 	rm -rf .build paper/numbers.tex

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from homing_lib import rooms
 from homing_lib.errors import RESUMES, UserError
 from homing_lib.settings import Settings, parse_settings
 from homing_lib.storage import write_bytes
@@ -97,8 +96,8 @@ def _run(options: argparse.Namespace) -> None:
     from homing_lib.study import runs
 
     settings = changed_settings(options.set)
-    rooms.room_named(settings.room)  # before the bar, which would stand beside the refusal
-    with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
+    # Late, so that it does not stand beside a refusal.
+    with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
         result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
     print(f"steps per episode: {' '.join(str(length) for length in result.lengths)}")
     print(f"home reached in {result.reached.sum()} of {settings.episodes} episodes")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from homing_lib import lambdas
 from homing_lib.environment import HomingEnv, survey
+from homing_lib.errors import UserError
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.policy import action_probabilities, decrease_rate, sample
-from homing_lib.sarsa import LinearSarsa
+from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.settings import Settings
-from homing_lib.td import Diverged
 
 STEP_COLUMNS = (
     "x",  # m, of the pose reached
@@ -33,12 +33,18 @@ STEP_COLUMNS = (
 
 
 class SarsaAgent:
-    """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images."""
+    """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images.
 
-    def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
+    lambda_rule: a function to use in place of the settings' rule.
+    """
+
+    def __init__(
+        self, settings: Settings, rng: np.random.Generator, lambda_rule: lambdas.LambdaRule | None = None
+    ) -> None:
         self.settings = settings
         self._rng = rng
-        rule = lambdas.parse(settings.lambda_rule)
+        chosen = lambdas.parse(settings.lambda_rule)
+        rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
             settings.n_features,
             3,
@@ -46,6 +52,8 @@ class SarsaAgent:
             discount=settings.discount,
             lambda_rule=overwritten(rule) if settings.overwrite_features else rule,
             initial_weight=settings.theta0,
+            clip=chosen.clip,
+            on_zero=chosen.on_zero,
             traces=settings.traces,
             update=settings.update,
             bootstrap_terminal=settings.bootstrap_terminal,
@@ -75,8 +83,9 @@ class SarsaAgent:
         """One update. Returns the TD error, lambda, whether it was clipped, and the length of the weights' change."""
         if at_wall and not self.settings.learn_at_walls:
             return 0.0, 0.0, False, 0.0
-        delta = self.learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
-        return delta, self.learner.lambda_, self.learner.clipped, self.learner.change
+        learner = self.learner
+        delta = learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
+        return delta, learner.lambda_, learner.clipped, learner.change
 
 
 class RandomAgent:
@@ -181,8 +190,7 @@ class Run:
         return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
 
 
-_AGENTS: dict[str, type[SarsaAgent | RandomAgent]] = {
-    "sarsa": SarsaAgent,
+_REFERENCES: dict[str, type[RandomAgent]] = {
     "random": RandomAgent,
     "climb": ClimbingAgent,
 }
@@ -191,21 +199,28 @@ _AGENTS: dict[str, type[SarsaAgent | RandomAgent]] = {
 def run(
     settings: Settings,
     seed: int,
+    lambda_rule: lambdas.LambdaRule | None = None,
     after_episode: Callable[[int], object] = lambda number: None,
     afterwards: Callable[[HomingEnv, Agent], object] = lambda env, agent: None,
 ) -> Run:
     """The whole experiment, fixed to the bit by settings and seed.
 
+    lambda_rule: a function of one's own in place of the settings' rule (see `lambdas`), of which the run keeps no note.
     after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
     (not if the run diverged).
     """
     survey_rng, agent_rng, world_seed = _streams(seed)
     with HomingEnv(settings, observation="features") as env:
-        key = (settings.model_dump_json(exclude=_NOT_SURVEYED), seed)
+        key = (str(settings.of_scope("view", "lattice", "survey")), seed)
         if key not in _surveys:
             _surveys[key] = survey(env.world, settings, env.home, survey_rng)
         env.model = _surveys[key]
-        agent: Agent = _AGENTS[settings.controller](settings, agent_rng)
+        if settings.controller == "sarsa":
+            agent: Agent = SarsaAgent(settings, agent_rng, lambda_rule)
+        elif lambda_rule is None:
+            agent = _REFERENCES[settings.controller](settings, agent_rng)
+        else:
+            raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
         env.reset(seed=world_seed)
         episodes, reached, diverged = [], [], 0
         for number in range(1, settings.episodes + 1):
@@ -230,11 +245,6 @@ def run(
     )
 
 
-_NOT_SURVEYED = {
-    *("episodes", "alpha0", "epsilon0", "first_episode_share", "discount", "multiplier", "lambda_rule", "theta0"),
-    *("traces", "update", "bootstrap_terminal", "overwrite_features", "mixture", "tau0", "step_cost"),
-    *("approach_reward", "wall_penalty", "learn_at_walls", "controller", "max_steps"),
-}
 _surveys: dict[tuple[str, int], HomeModel] = {}
 """Surveys already made in this process: runs of one seed that differ in how they learn share theirs."""
 

@@ -1,26 +1,26 @@
 """The real parts: a room in PyBullet with a robot's camera, its infra-red sensors and contact, each asked by pose.
 
-Nothing is simulated between two questions: the robot is placed, and Bullet says what it sees and touches.
+Nothing is simulated between two questions: the robot is placed, and Bullet says what it sees and touches. This is the
+only module that loads PyBullet; where that is missing, importing it raises UserError with the remedy.
 """
 
-import hashlib
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
-from math import cos, pi, radians, sin
+from math import cos, radians, sin
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from homing_lib.errors import UserError
 from homing_lib.features import Array, histogram
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import Ball, Box, Cone, Pose, Room, Texture
 from homing_lib.settings import Settings
+from homing_lib.surfaces import Image, Mesh, ball_mesh, box_sides, cone_mesh, joined, paint, quad
 
 
 @contextmanager
@@ -36,15 +36,17 @@ def _quiet() -> Iterator[None]:
         os.close(keep)
 
 
-with _quiet():
-    import pybullet
-
-Image = NDArray[np.uint8]
+try:
+    with _quiet():
+        import pybullet
+except ImportError:
+    raise UserError(
+        'the camera needs PyBullet, which is not installed; choose images="compact", which runs everywhere, or build '
+        "it: `pip install pybullet` (some minutes where there is no wheel, and a C++ compiler)"
+    ) from None
 
 _AMBIENT_OF_FULL_LIGHT = 1.0
 _BODY_HEIGHT_M = 0.03
-_COLOUR_SHARE = 0.35
-_PERSISTENCE = 0.4
 _LARGEST_CLEARANCE_M = 0.1
 _ROBOT_GROUP = 64
 """Bullet's collision group of the robot, beyond those that Bullet gives by itself: infra-red rays pass it by."""
@@ -84,7 +86,7 @@ class Arena:
 
     def image(self, pose: Pose) -> Image:
         """The camera's image at a pose: shape (size, size, 4), RGB and an unused fourth channel."""
-        return self._render(pose, pybullet.ER_NO_SEGMENTATION_MASK)[2]
+        return self._render(pose, pybullet.ER_NO_SEGMENTATION_MASK)[0]
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the image at a pose (eq. 11), shape (3 B,)."""
@@ -92,18 +94,25 @@ class Arena:
 
     def visible(self, pose: Pose) -> set[str]:
         """Names of all that at least one pixel of the image at a pose shows, by Bullet's segmentation mask."""
-        mask = np.asarray(self._render(pose, 0)[4])
+        mask = self._render(pose, 0)[1]
         return {self.body_names[body] for body in np.unique(mask) if body >= 0}
 
-    def _render(self, pose: Pose, flags: int) -> Any:
+    def _render(self, pose: Pose, flags: int) -> tuple[Image, Any]:
         s = self.settings
         forward_x, forward_y = cos(pose.heading), sin(pose.heading)
         eye = (pose.x + s.camera_offset_m * forward_x, pose.y + s.camera_offset_m * forward_y, s.camera_height_m)
         target = (eye[0] + forward_x, eye[1] + forward_y, eye[2])
         view = pybullet.computeViewMatrix(eye, target, (0.0, 0.0, 1.0))
-        return pybullet.getCameraImage(
-            s.image_size, s.image_size, view, self._projection, flags=flags, **self._image_options
+        return self._picture(s.image_size, s.image_size, view, self._projection, flags)
+
+    def _picture(self, width: int, height: int, view: Any, projection: Any, flags: int = 0) -> tuple[Image, Any]:
+        """Colours, shape (height, width, 4), and Bullet's segmentation mask."""
+        *_, image, _, mask = pybullet.getCameraImage(
+            width, height, view, projection, flags=flags, **self._image_options
         )
+        if isinstance(image, tuple):  # a PyBullet that was built without NumPy
+            image = np.frombuffer(bytearray(image), np.uint8)
+        return image.reshape(height, width, 4), mask
 
     def top_view(self, pixels: int = 480) -> Image:
         """The room from above with the same textures, shape (height, pixels, 3): x to the right, y upwards."""
@@ -116,9 +125,15 @@ class Arena:
         projection = pybullet.computeProjectionMatrix(
             -half, half, -half * depth / width, half * depth / width, 0.02, 8.0
         )
-        height = round(pixels * depth / width)
-        image = pybullet.getCameraImage(pixels, height, view, projection, **self._image_options)[2]
-        return np.ascontiguousarray(image[:, :, :3])
+        return np.ascontiguousarray(self._picture(pixels, round(pixels * depth / width), view, projection)[0][:, :, :3])
+
+    def perspective(self, pixels: int = 640) -> Image:
+        """The room obliquely from above, shape (height, pixels, 3)."""
+        width, depth = self.room.size
+        eye, target = (-0.8 * width, -1.2 * depth, 1.9), (width / 2, depth / 2, self.room.wall_height / 3)
+        view = pybullet.computeViewMatrix(eye, target, (0.0, 0.0, 1.0))
+        projection = pybullet.computeProjectionMatrixFOV(32.0, 4 / 3, 0.05, 8.0)
+        return np.ascontiguousarray(self._picture(pixels, round(pixels * 3 / 4), view, projection)[0][:, :, :3])
 
     # --- What it touches and feels --------------------------------------------------------------------------------
 
@@ -155,7 +170,7 @@ class Arena:
 
     def _build(self) -> None:
         room, (width, depth), height, thick = self.room, self.room.size, self.room.wall_height, 0.1
-        self._body("floor", room.floor, _quad((0, 0, 0), (width, 0, 0), (0, depth, 0)))
+        self._body("floor", room.floor, quad((0, 0, 0), (width, 0, 0), (0, depth, 0)))
         # Each wall: its lower left corner and the way to the right, as seen from inside, and the box behind it.
         walls = {
             "east": ((width, depth, 0), (0, -depth, 0), (width + thick / 2, depth / 2), (thick / 2, depth)),
@@ -165,7 +180,7 @@ class Arena:
         }
         for name, (corner, right, centre, half) in walls.items():
             collider = self._shape(pybullet.GEOM_BOX, (*centre, height / 2), halfExtents=(*half, height / 2))
-            self._body(f"{name} wall", room.walls[name], _quad(corner, right, (0, 0, height)), collider)
+            self._body(f"{name} wall", room.walls[name], quad(corner, right, (0, 0, height)), collider)
         for number, picture in enumerate(room.pictures, start=1):
             lower_left, along = (np.array(v, dtype=float) for v in walls[picture.wall][:2])
             length = float(np.linalg.norm(along))
@@ -173,28 +188,28 @@ class Arena:
             from_left = length - picture.along if picture.wall in ("east", "south") else picture.along
             lower_left += along * (from_left - picture.size[0] / 2) + 0.002 * np.cross(along, (0, 0, 1))
             lower_left[2] = picture.height - picture.size[1] / 2
-            mesh = _quad(lower_left, along * picture.size[0], (0, 0, picture.size[1]))
+            mesh = quad(lower_left, along * picture.size[0], (0, 0, picture.size[1]))
             self._body(f"picture {number}", picture.texture, mesh)
         for thing in room.objects:
             match thing:
                 case Box():
                     halves = tuple(side / 2 for side in thing.size)
                     collider = self._shape(pybullet.GEOM_BOX, (thing.x, thing.y, halves[2]), halfExtents=halves)
-                    front, *others = _box_sides(thing)
-                    self._body(thing.name, thing.texture, _joined(others), collider)
+                    front, *others = box_sides(thing)
+                    self._body(thing.name, thing.texture, joined(others), collider)
                     self._body(thing.name, thing.front or thing.texture, front)
                 case Ball():
                     collider = self._shape(pybullet.GEOM_SPHERE, (thing.x, thing.y, thing.radius), radius=thing.radius)
-                    self._body(thing.name, thing.texture, _ball(thing), collider)
+                    self._body(thing.name, thing.texture, ball_mesh(thing), collider)
                 case Cone():
-                    mesh = _cone(thing)
+                    mesh = cone_mesh(thing)
                     collider = self._shape(pybullet.GEOM_MESH, (0, 0, 0), vertices=mesh.vertices)
                     self._body(thing.name, thing.texture, mesh, collider)
         body = self._shape(
             pybullet.GEOM_CYLINDER, (0, 0, 0), radius=self.settings.body_diameter_m / 2, height=_BODY_HEIGHT_M
         )
         # A body without a visual shape shows its collision shape; this triangle below the floor keeps it unseen.
-        nothing = _Mesh([(0.0, 0.0, -1.0)] * 3, [0, 1, 2], [(0.0, 0.0)] * 3)
+        nothing = Mesh([(0.0, 0.0, -1.0)] * 3, [0, 1, 2], [(0.0, 0.0)] * 3)
         self._robot = self._body("robot", room.floor, nothing, body)
         pybullet.setCollisionFilterGroupMask(self._robot, -1, _ROBOT_GROUP, -1, physicsClientId=self._client)
 
@@ -203,7 +218,7 @@ class Arena:
             pybullet.createCollisionShape(kind, collisionFramePosition=centre, physicsClientId=self._client, **size)
         )
 
-    def _body(self, name: str, texture: Texture, mesh: "_Mesh", collider: int = -1) -> int:
+    def _body(self, name: str, texture: Texture, mesh: Mesh, collider: int = -1) -> int:
         visual = pybullet.createVisualShape(
             pybullet.GEOM_MESH,
             vertices=mesh.vertices,
@@ -240,92 +255,3 @@ class Arena:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-@cache
-def paint(texture: Texture, seed: int, name: str, texels: int = 256) -> Image:
-    """The texels of a surface, shape (texels, texels, 3). The same texture, seed and name give the same bytes."""
-    key = int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8])
-    rng = np.random.default_rng(key)
-    base = np.clip(np.array(texture.rgb), 0.02, 0.98)
-    logit = np.log(base / (1 - base)) + np.zeros((texels, texels, 3))
-
-    def noise(cells: int) -> Array:
-        """Light and dark shared by the channels, and some colour of each, at unit variance."""
-        shared, own = rng.standard_normal((cells, cells, 1)), rng.standard_normal((cells, cells, 3))
-        return np.sqrt(1 - _COLOUR_SHARE) * shared + np.sqrt(_COLOUR_SHARE) * own
-
-    cells, strength = texture.patches, texture.contrast
-    while cells <= texels // 4:
-        logit += strength * cv2.resize(noise(cells), (texels, texels), interpolation=cv2.INTER_LINEAR)
-        cells, strength = 2 * cells, strength * _PERSISTENCE
-    if texture.picture:
-        row, column = np.mgrid[0:texels, 0:texels] / texels
-        sky = (row < 0.6)[:, :, None]
-        sun = ((row - 0.42) ** 2 + (column - 0.65) ** 2 < 0.03)[:, :, None]
-        logit += np.where(sky, [-0.4, 0.3, 1.3], [-0.6, 0.8, -1.4]) + sun * np.array([2.6, 1.6, -1.6])
-    logit += texture.grain * noise(texels)
-    return np.rint(255 / (1 + np.exp(-logit))).astype(np.uint8)
-
-
-class _Mesh(NamedTuple):
-    """A textured surface in room coordinates; triangles are seen from the side from which they run anticlockwise."""
-
-    vertices: list[tuple[float, float, float]]
-    triangles: list[int]
-    uvs: list[tuple[float, float]]
-
-
-def _joined(meshes: Sequence[_Mesh]) -> _Mesh:
-    joined = _Mesh([], [], [])
-    for mesh in meshes:
-        joined.triangles.extend(index + len(joined.vertices) for index in mesh.triangles)
-        joined.vertices.extend(mesh.vertices)
-        joined.uvs.extend(mesh.uvs)
-    return joined
-
-
-def _quad(corner: ArrayLike, right: ArrayLike, up: ArrayLike) -> _Mesh:
-    """Two triangles: Bullet's own boxes would show about 2 x 2 cells of a texture."""
-    a, r, u = (np.array(v, dtype=float) for v in (corner, right, up))
-    vertices = [(float(v[0]), float(v[1]), float(v[2])) for v in (a, a + r, a + r + u, a + u)]
-    return _Mesh(vertices, [0, 1, 2, 0, 2, 3], [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-
-
-def _box_sides(box: Box) -> list[_Mesh]:
-    """Front (towards -x), back, the two ends and the top."""
-    length, width, height = box.size
-    x0, x1 = box.x - length / 2, box.x + length / 2
-    y0, y1 = box.y - width / 2, box.y + width / 2
-    up = (0, 0, height)
-    return [
-        _quad((x0, y1, 0), (0, -width, 0), up),
-        _quad((x1, y0, 0), (0, width, 0), up),
-        _quad((x0, y0, 0), (length, 0, 0), up),
-        _quad((x1, y1, 0), (-length, 0, 0), up),
-        _quad((x0, y0, height), (length, 0, 0), (0, width, 0)),
-    ]
-
-
-def _cone(cone: Cone, sides: int = 16) -> _Mesh:
-    angles = [2 * pi * side / sides for side in range(sides + 1)]
-    rim = [(cone.x + cone.radius * cos(a), cone.y + cone.radius * sin(a), 0.0) for a in angles]
-    triangles = [index for side in range(sides) for index in (side, side + 1, sides + 1 + side)]
-    uvs = [(i / sides, 0.0) for i in range(sides + 1)] + [((i + 0.5) / sides, 1.0) for i in range(sides)]
-    return _Mesh(rim + [(cone.x, cone.y, cone.height)] * sides, triangles, uvs)
-
-
-def _ball(ball: Ball, rings: int = 6, sides: int = 12) -> _Mesh:
-    mesh = _Mesh([], [], [])
-    for ring in range(rings + 1):
-        for side in range(sides + 1):
-            down, around = pi * ring / rings, 2 * pi * side / sides
-            flat = ball.radius * sin(down)
-            mesh.vertices.append(
-                (ball.x + flat * cos(around), ball.y + flat * sin(around), ball.radius + ball.radius * cos(down))
-            )
-            mesh.uvs.append((side / sides, ring / rings))
-    for first in (ring * (sides + 1) + side for ring in range(rings) for side in range(sides)):
-        below = first + sides + 1
-        mesh.triangles.extend((first, below, first + 1, first + 1, below, below + 1))
-    return mesh

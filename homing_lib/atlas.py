@@ -1,10 +1,10 @@
 """The arena's views on a lattice of poses, rendered once, so that a study asks a table instead of a renderer.
 
 An atlas answers what `robot.World` asks: histograms and infra-red readings of the nearest lattice pose, clearance
-interpolated between lattice positions. The lattice is anchored at home, so that the snapshot is exact.
+interpolated between lattice positions. The lattice is anchored at home, so that the snapshot is exact. Looking up needs
+no simulator; building one does.
 """
 
-import fcntl
 import hashlib
 import inspect
 import shutil
@@ -12,19 +12,19 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from homing_lib import arena, features
-from homing_lib.arena import Arena
-from homing_lib.errors import DamagedFile
+from homing_lib import features
+from homing_lib.errors import DamagedFile, UserError
 from homing_lib.features import Array
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import Pose, Room
@@ -33,19 +33,6 @@ from homing_lib.storage import ROOT, read_arrays, write_arrays
 
 FOLDER = ROOT / ".build" / "atlas"
 
-_DEPENDS_ON = (
-    "bin_size",
-    "image_size",
-    "field_of_view_deg",
-    "camera_height_m",
-    "camera_offset_m",
-    "light",
-    "body_diameter_m",
-    "infrared_range_m",
-    "atlas_spacing_m",
-    "atlas_heading_deg",
-)
-
 _ARRAYS = {"counts", "infrared_m", "clearance_m"}
 
 _BLOCK = 3
@@ -53,6 +40,15 @@ _BLOCK = 3
 
 _OUTSIDE_M = -0.1
 """The clearance outside the lattice, which is outside the room."""
+
+
+def camera_available() -> bool:
+    """Whether PyBullet can be loaded; it is, if so."""
+    try:
+        import homing_lib.arena  # noqa: F401
+    except UserError:
+        return False
+    return True
 
 
 class Lattice:
@@ -93,7 +89,7 @@ class Atlas:
 
     def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
         self.lattice = lattice
-        self._counts, self._infrared = counts, infrared_m
+        self.counts, self.infrared_m, self.clearance_m = counts, infrared_m, clearance_m
         self._pixels = int(counts[0, 0].sum()) // 3
         position = np.full(clearance_m.shape, -1)
         position[clearance_m >= -lattice.margin] = np.arange(len(counts))
@@ -106,11 +102,11 @@ class Atlas:
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
-        return self._counts[self._index(pose)] / self._pixels
+        return self.counts[self._index(pose)] / self._pixels
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that the sensors see at the nearest lattice pose, shape (8,)."""
-        return self._infrared[self._index(pose)]
+        return self.infrared_m[self._index(pose)]
 
     def clearance(self, x: float, y: float) -> float:
         """Metres to the nearest obstacle, interpolated linearly between the four lattice positions around."""
@@ -139,16 +135,22 @@ def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, wo
 
     It is stored under the hash of all that it depends on; a process keeps those that it has opened. One of the same
     room and settings by other code is outdated: it is named and replaced. Building may be stopped at any time and goes
-    on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core.
+    on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core. Without PyBullet, one that other
+    packages made is as good, and UserError is raised where there is none.
     """
     folder = folder or FOLDER
     about = {"room": room.name, "hash": digest(room, settings)}
+    asked, given, _ = about["hash"].split("-")
+    if not (folder / f"{room.name}-{about['hash']}.npz").exists() and not camera_available():
+        for stored in folder.glob(f"{room.name}-{asked}-{given}-*.npz"):
+            about["hash"] = stored.stem.removeprefix(f"{room.name}-")
     path = folder / f"{room.name}-{about['hash']}.npz"
     if path not in _opened:
         lattice = Lattice(room, settings)
         arrays = _read(path, about)
         if arrays is None:
-            asked, _ = about["hash"].split("-")
+            from homing_lib import arena  # noqa: F401, which refuses here where there is nothing to build with
+
             outdated = sorted({*folder.glob(f"{room.name}-{asked}-*.npz")} - {path})
             for other in outdated:
                 _say(f"{other}: outdated file, of the room or the code as they were; it is built anew")
@@ -165,16 +167,27 @@ _opened: dict[Path, Atlas] = {}
 
 
 def digest(room: Room, settings: Settings) -> str:
-    """A hash over all that the bytes of an atlas depend on, in two parts: the settings; the room and the code."""
-    made_by = (arena, features.bins_per_channel, features.histogram, Lattice, _axis, _render_block)
-    asked = [getattr(settings, name) for name in _DEPENDS_ON]
-    given = (
-        room,
-        INFRARED_ANGLES_DEG,
-        [inspect.getsource(part) for part in made_by],
-        [version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
+    """A hash over all that the bytes of an atlas depend on, in three parts: settings; room and code; packages."""
+    made_by = (features.bins_per_channel, features.histogram, Lattice, _axis, _render_block)
+    rendered_by = [Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("arena.py", "surfaces.py")]
+    parts = (
+        settings.of_scope("view", "lattice"),
+        (room, INFRARED_ANGLES_DEG, rendered_by, [inspect.getsource(part) for part in made_by]),
+        [_version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
     )
-    return "-".join(hashlib.sha256(repr(part).encode()).hexdigest()[:8] for part in (asked, given))
+    return "-".join(hashed(part) for part in parts)
+
+
+def hashed(part: Any) -> str:
+    """Eight hexadecimal digits of a hash over all that is printed of something."""
+    return hashlib.sha256(repr(part).encode()).hexdigest()[:8]
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
 
 
 def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
@@ -219,6 +232,8 @@ def _leave_interrupts() -> None:
 
 def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Settings) -> None:
     """All that can be seen, felt and touched from the columns of one block."""
+    from homing_lib.arena import Arena
+
     lattice = Lattice(room, settings)
     pixels, bins = settings.image_size**2, 3 * features.bins_per_channel(settings.bin_size)
     counts, infrared, clearances = [], [], []
@@ -244,13 +259,16 @@ def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Setti
 def _alone(path: Path) -> Iterator[None]:
     """Hold the right to build this file; whoever else wants it waits. It ends with the process, however that ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_suffix(".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            _say(f"another process is building {path}; waiting for it")
-            fcntl.flock(lock, fcntl.LOCK_EX)
+    lock = FileLock(path.with_suffix(".lock"))
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        _say(f"another process is building {path}; waiting for it")
+        lock.acquire()
+    try:
         yield
+    finally:
+        lock.release()
 
 
 def _say(text: str) -> None:

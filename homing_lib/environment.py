@@ -1,24 +1,27 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from math import cos, isfinite, pi, radians, sin
-from typing import Any, Literal
-from weakref import WeakValueDictionary
+from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
 import gymnasium
 import numpy as np
 
-from homing_lib.arena import Arena, Image
 from homing_lib.errors import UserError
 from homing_lib.features import HomeModel, difference_variance, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
+from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
+if TYPE_CHECKING:
+    from homing_lib.arena import Arena
+
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
-"""The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges a step."""
+"""The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges per step."""
 
 Start = tuple[float, float, float] | Literal["uniform"]
 
@@ -57,7 +60,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     Before the first episode the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
     which it has sigma^2 (9): `homing_lib.environment.survey`, with `survey_seed`. That takes a moment, at the
-    first `reset`; environments of the same settings that live at the same time share it, and `model` hands one over.
+    first `reset`; all environments of a process whose settings differ in nothing that it depends on share it, and
+    `model` hands one over.
 
     ## Transition dynamics
 
@@ -114,7 +118,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     ```
 
     `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
-    (histograms from a lattice of poses instead of the camera, thousands of times a second; features only).
+    (histograms from a lattice of poses instead of the camera, thousands of times a second; features only) or "compact"
+    (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
     `home`: another pose at which the snapshot is taken. `close()` frees the simulator.
     """
 
@@ -128,7 +133,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         start: Start | None = None,
         home: tuple[float, float, float] | None = None,
         model: HomeModel | None = None,
-        survey_seed: int = 0,
+        survey_seed: int | np.random.SeedSequence = 0,
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
@@ -142,7 +147,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         }
         if observation not in spaces:
             raise UserError(f"observation = {observation!r}: must be one of {', '.join(spaces)}")
-        if observation == "image" and settings.images == "atlas":
+        if observation == "image" and settings.images != "camera":
             raise UserError(
                 'observation = "image": an atlas holds histograms only; choose "features", or images="camera"'
             )
@@ -155,7 +160,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.model = model
         self._sees_images = observation == "image"
-        self._survey_seed = survey_seed
+        self._survey_seed = (
+            survey_seed if isinstance(survey_seed, np.random.SeedSequence) else np.random.SeedSequence(survey_seed)
+        )
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
         self._top_view: Image | None = None
         self._under_way = self._closed = False
@@ -165,8 +172,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             from homing_lib.atlas import open_atlas
 
             self.world: World = open_atlas(self.room, settings)
+        elif settings.images == "compact":
+            from homing_lib.compact import open_compact
+
+            self.world = open_compact(self.room, settings)
         else:
-            self.world = self._arena = Arena(self.room, settings)
+            from homing_lib import arena
+
+            self.world = self._arena = arena.Arena(self.room, settings)
         try:
             self.home = self._free("home", self.room.home if home is None else home)
             self._start = self._start_pose(self.room.start if start is None else start)
@@ -220,27 +233,11 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
             return None
         if self._top_view is None:
-            with nullcontext(self._arena) if self._arena else Arena(self.room, self.settings) as arena:
-                self._top_view = arena.top_view()
-        frame = self._top_view.copy()
-        scale, depth = frame.shape[1] / self.room.size[0], self.room.size[1]
+            from homing_lib import arena
 
-        def pixel(x: float, y: float) -> tuple[int, int]:
-            return round(x * scale), round((depth - y) * scale)
-
-        def ahead(pose: Pose, metres: float) -> tuple[int, int]:
-            return pixel(pose.x + metres * cos(pose.heading), pose.y + metres * sin(pose.heading))
-
-        radius, pose = self.settings.body_diameter_m / 2, self._robot.pose
-        corners = [
-            ahead(self.home._replace(heading=self.home.heading + turn * pi / 4), 1.4 * radius) for turn in (1, 3, 5, 7)
-        ]
-        cv2.polylines(frame, [np.array(corners)], True, _WHITE, 2, cv2.LINE_AA)
-        cv2.line(frame, pixel(*self.home[:2]), ahead(self.home, radius), _WHITE, 2, cv2.LINE_AA)
-        cv2.polylines(frame, [np.array([pixel(*at) for at in self._path])], False, _YELLOW, 2, cv2.LINE_AA)
-        cv2.circle(frame, pixel(*pose[:2]), round(radius * scale), _YELLOW, -1, cv2.LINE_AA)
-        cv2.line(frame, pixel(*pose[:2]), ahead(pose, radius), _BLACK, 2, cv2.LINE_AA)
-        return frame
+            with nullcontext(self._arena) if self._arena else arena.Arena(self.room, self.settings) as world:
+                self._top_view = world.top_view()
+        return draw(self._top_view, self.room, self.settings, self._path, self._robot.pose, self.home)
 
     def close(self) -> None:
         """Free the simulator. Closing twice is harmless; anything else afterwards is refused."""
@@ -276,12 +273,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         }
 
     def _shared_survey(self) -> HomeModel:
-        key = self.settings, self.home, self._survey_seed
-        model = _SURVEYS.get(key)
-        if model is None:
-            model = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
-            _SURVEYS[key] = model
-        return model
+        seed = self._survey_seed
+        on = self.settings.of_scope("view", "lattice", "survey")
+        key = repr((on, self.room, self.home, seed.entropy, seed.spawn_key))
+        if key not in _SURVEYS:
+            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(seed))
+        return _SURVEYS[key]
 
     def _start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         return "uniform" if isinstance(start, str) and start == "uniform" else self._free("start", start)
@@ -301,10 +298,40 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return Pose(x, y, wrapped(heading))
 
 
+_SURVEYS: dict[str, HomeModel] = {}
+"""What this process has found out about homes, by all that it depends on."""
+
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
-_SURVEYS: WeakValueDictionary[tuple[Settings, Pose, int], HomeModel] = WeakValueDictionary()
-"""What living environments know of home. A survey depends on nothing but its key."""
+
+def draw(
+    top_view: Image,
+    room: Room,
+    settings: Settings,
+    path: Sequence[tuple[float, float]],
+    pose: Pose,
+    home: Pose | None = None,
+) -> Image:
+    """A copy of the room from above with home (a square), the path and the robot at a pose.
+
+    top_view: shape (height, width, 3), of `Arena.top_view`; path: positions in metres; home: by default the room's.
+    """
+    frame, home = top_view.copy(), home or room.home
+    scale, radius = frame.shape[1] / room.size[0], settings.body_diameter_m / 2
+
+    def pixel(x: float, y: float) -> tuple[int, int]:
+        return round(x * scale), round((room.size[1] - y) * scale)
+
+    def ahead(pose: Pose, metres: float, turn: float = 0.0) -> tuple[int, int]:
+        return pixel(pose.x + metres * cos(pose.heading + turn), pose.y + metres * sin(pose.heading + turn))
+
+    corners = [ahead(home, 1.4 * radius, turn * pi / 4) for turn in (1, 3, 5, 7)]
+    cv2.polylines(frame, [np.array(corners)], True, _WHITE, 2, cv2.LINE_AA)
+    cv2.line(frame, pixel(*home[:2]), ahead(home, radius), _WHITE, 2, cv2.LINE_AA)
+    cv2.polylines(frame, [np.array([pixel(*at) for at in path])], False, _YELLOW, 2, cv2.LINE_AA)
+    cv2.circle(frame, pixel(*pose[:2]), round(radius * scale), _YELLOW, -1, cv2.LINE_AA)
+    cv2.line(frame, pixel(*pose[:2]), ahead(pose, radius), _BLACK, 2, cv2.LINE_AA)
+    return frame
 
 
 def reward(

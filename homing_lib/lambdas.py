@@ -1,6 +1,6 @@
-"""The lambda of TD(lambda), chosen anew at every step: eq. (7) of the paper, and the rules that wrap it.
+"""The lambda of TD(lambda), chosen anew at every step: eq. (7) of the paper in its three forms, and other rules.
 
-A lambda *rule* is any callable
+A lambda *rule* is any function
 
     rule(*, delta, phi, delta_prev, phi_prev, trace_prev, discount) -> float
 
@@ -9,15 +9,18 @@ A lambda *rule* is any callable
     trace_prev           eligibility trace before this step, e_{t-1}, shape (n,)
     discount             gamma
 
-so a plain function is a rule too. At the first step of an episode there is no previous step: lambda is 0 by
-definition and the rule is not asked. `Fixed` and `Conjugate` are the rules of the paper, `parse` makes them from
-their short names. The three functions below are eq. (7) itself, its products multiplied out, unclipped and unguarded:
-a denominator of zero raises ZeroDivisionError.
+that may leave to **_ what it does not need. It returns a ratio, which the learner resets to [0, 1] and counts. Where
+the ratio is undefined (0/0, x/0) it raises ZeroDivisionError or another ArithmeticError, and the learner's `on_zero`
+stands in. At the first step of an episode there is no previous step: lambda is 0 and the rule is not asked.
+
+A rule with a name, for settings and the command line, is added by `@named(...)` where it is defined.
 """
 
-from dataclasses import KW_ONLY, dataclass, field, replace
-from math import isfinite, nan
-from typing import ClassVar, Literal, Protocol, cast, get_args
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import signature
+from math import isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,20 +29,30 @@ import numpy.typing as npt
 from scipy.linalg.blas import ddot as dot
 
 Array = npt.NDArray[np.float64]
-Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
-Sign = Literal["conjugate", "printed"]
+LambdaRule = Callable[..., float]
+
+TAKES_AND_RETURNS = (
+    "a lambda rule is a function of the keywords delta, phi, delta_prev, phi_prev, trace_prev and discount (what it "
+    "does not need may go to **_) that returns a finite number, such as lambdas.fletcher_reeves or Fixed(0.9)"
+)
+
+RULES: dict[str, LambdaRule] = {}
+"""The rules that settings know by name."""
 
 
-class LambdaRule(Protocol):
-    """What a learner asks of a lambda rule."""
+def named(name: str) -> Callable[[LambdaRule], LambdaRule]:
+    """A decorator that lists a rule in RULES."""
 
-    def __call__(
-        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
-    ) -> float: ...
+    def listed(rule: LambdaRule) -> LambdaRule:
+        RULES[name] = rule
+        return rule
+
+    return listed
 
 
+@named("hestenes-stiefel")
 def hestenes_stiefel(
-    delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
+    *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
 ) -> float:
     """Eq. (7), form 1: the lambda that makes TD(lambda) follow the Hestenes-Stiefel direction.
 
@@ -49,124 +62,124 @@ def hestenes_stiefel(
     The paper prints it without the minus. Conjugate gradient needs it: only so do the three forms coincide on a
     quadratic with exact line search. phi, phi_prev, trace_prev: shape (n,).
     """
-    numerator = delta * dot(phi, phi) - delta_prev * dot(phi_prev, phi)
-    return -numerator / (discount * (delta * dot(phi, trace_prev) - delta_prev * dot(phi_prev, trace_prev)))
+    along_phi = delta * dot(phi, phi) - delta_prev * dot(phi_prev, phi)
+    along_trace = delta * dot(phi, trace_prev) - delta_prev * dot(phi_prev, trace_prev)
+    return _ratio(-along_phi, discount * along_trace)
 
 
-def fletcher_reeves(delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float) -> float:
+@named("hestenes-stiefel:printed")
+def hestenes_stiefel_printed(**step: Any) -> float:
+    """Eq. (7), form 1 as printed: without the minus."""
+    return -hestenes_stiefel(**step)
+
+
+@named("fletcher-reeves")
+def fletcher_reeves(
+    *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any
+) -> float:
     """Eq. (7), form 2: the lambda that makes TD(lambda) follow the Fletcher-Reeves direction. The paper's choice.
 
         lambda_t = delta_t |phi_t|^2 / (gamma delta_{t-1} |phi_{t-1}|^2)
 
     phi, phi_prev: shape (n,).
     """
-    return delta * dot(phi, phi) / (discount * delta_prev * dot(phi_prev, phi_prev))
+    return _ratio(delta * dot(phi, phi), discount * delta_prev * dot(phi_prev, phi_prev))
 
 
-def polak_ribiere(delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float) -> float:
+@named("polak-ribiere")
+def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any) -> float:
     """Eq. (7), form 3: the lambda that makes TD(lambda) follow the Polak-Ribiere direction.
 
         lambda_t = (delta_t phi_t - delta_{t-1} phi_{t-1})^T phi_t / (gamma delta_{t-1} |phi_{t-1}|^2)
 
     phi, phi_prev: shape (n,).
     """
-    numerator = delta * dot(phi, phi) - delta_prev * dot(phi_prev, phi)
-    return numerator / (discount * delta_prev * dot(phi_prev, phi_prev))
+    along_phi = delta * dot(phi, phi) - delta_prev * dot(phi_prev, phi)
+    return _ratio(along_phi, discount * delta_prev * dot(phi_prev, phi_prev))
+
+
+def _ratio(numerator: float, denominator: float) -> float:
+    """Their quotient as a plain float. ArithmeticError where there is none: x/0, or beyond the floating-point range."""
+    ratio = float(numerator) / float(denominator)
+    if not isfinite(ratio):
+        raise OverflowError(f"{numerator} / {denominator}")
+    return ratio
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """The same lambda at every step: ordinary TD(lambda). Its short name is "fixed:0.9"."""
+    """The same lambda at every step: ordinary TD(lambda). Its name in settings is "fixed:0.9"."""
 
     value: float
-    clipped: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", unit_interval("lambda", self.value))
 
-    def __call__(
-        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
-    ) -> float:
+    def __call__(self, **_: Any) -> float:
         return self.value
 
     def __str__(self) -> str:
         return f"fixed:{_short(self.value)}"
 
 
-@dataclass
-class Conjugate:
-    """Eq. (7) made fit for use: one of its three forms, guarded where it is undefined and clipped to [0, 1].
+class Choice(NamedTuple):
+    """What a learner is told of lambda: the rule, `on_zero` and `clip`. str() is its name, which `parse` reads."""
 
-    form     "hestenes-stiefel" (form 1), "fletcher-reeves" (form 2), "polak-ribiere" (form 3)
-    sign     "conjugate": form 1 with the minus that conjugate gradient needs; "printed": without, as in the
-             paper. Forms 2 and 3 have the same sign either way.
-    on_zero  the lambda where the ratio is undefined: 0/0, x/0, or a product beyond the floating-point range.
-             The paper is silent, and the choice matters. 0 starts the direction afresh, as conjugate gradient
-             does.
-    clip     reset a lambda outside [0, 1] to the nearer bound, as the paper asks (II.B). A clipped step no
-             longer follows the conjugate direction, so `clipped` says whether the last call did it.
-
-    Short names: "fletcher-reeves", "hestenes-stiefel:printed", "polak-ribiere:on_zero=1:unclipped".
-    """
-
-    form: Form
-    _: KW_ONLY
-    sign: Sign = "conjugate"
+    name: str
+    rule: LambdaRule
     on_zero: float = 0.0
     clip: bool = True
-    clipped: bool = field(default=False, init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        one_of("form of lambda", self.form, get_args(Form))
-        one_of("sign", self.sign, get_args(Sign))
-        self.on_zero = unit_interval("on_zero", self.on_zero)
-
-    def __call__(
-        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
-    ) -> float:
-        # Plain floats, for numpy's would warn of what is caught below.
-        delta, delta_prev, discount = float(delta), float(delta_prev), float(discount)
-        try:
-            if self.form == "hestenes-stiefel":
-                ratio = hestenes_stiefel(delta, phi, delta_prev, phi_prev, trace_prev, discount)
-                ratio = -ratio if self.sign == "printed" else ratio
-            elif self.form == "fletcher-reeves":
-                ratio = fletcher_reeves(delta, phi, delta_prev, phi_prev, discount)
-            else:
-                ratio = polak_ribiere(delta, phi, delta_prev, phi_prev, discount)
-        except ZeroDivisionError:
-            ratio = nan
-        lambda_ = ratio if isfinite(ratio) else self.on_zero
-        self.clipped = self.clip and not 0 <= lambda_ <= 1
-        return min(max(0.0, lambda_), 1.0) if self.clipped else lambda_
 
     def __str__(self) -> str:
-        options = [
-            ":printed" if self.sign == "printed" else "",
-            f":on_zero={_short(self.on_zero)}" if self.on_zero else "",
-            "" if self.clip else ":unclipped",
-        ]
-        return self.form + "".join(options)
+        guard = f":on_zero={_short(self.on_zero)}" if self.on_zero else ""
+        return f"{self.name}{guard}{'' if self.clip else ':unclipped'}"
 
 
-def parse(text: str) -> Fixed | Conjugate:
-    """The rule with this short name, so that parse(str(rule)) == rule: for settings and the command line."""
+def parse(text: str) -> Choice:
+    """The choice of this name: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
+
+    ValueError, in one line, for a name or an option that does not exist.
+    """
+    if not isinstance(text, str):
+        raise ValueError(
+            f"settings name their rule: fixed:<lambda>, {', '.join(RULES)}; `agent.run` and the learners also take a "
+            f"function: {TAKES_AND_RETURNS}"
+        )
     name, *options = text.split(":")
-    if name == "fixed" and len(options) == 1:
-        return Fixed(float(options[0]))
-    if name not in get_args(Form):
-        raise ValueError(f"unknown lambda rule {text!r}; known: fixed:<lambda>, {', '.join(get_args(Form))}")
-    rule = Conjugate(cast(Form, name))
+    while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):
+        name += f":{options.pop(0)}"
+    if name.startswith("fixed:"):
+        rule: LambdaRule = Fixed(float(name.removeprefix("fixed:")))
+        name = str(rule)
+    elif name in RULES:
+        rule = RULES[name]
+    else:
+        raise ValueError(f"unknown lambda rule {text!r}; known: fixed:<lambda>, {', '.join(RULES)}")
+    choice = Choice(name, rule)
     for option in options:
-        if option == "printed":
-            rule = replace(rule, sign="printed")
-        elif option == "unclipped":
-            rule = replace(rule, clip=False)
+        if option == "unclipped":
+            choice = choice._replace(clip=False)
         elif option.startswith("on_zero="):
-            rule = replace(rule, on_zero=float(option.removeprefix("on_zero=")))
+            choice = choice._replace(on_zero=unit_interval("on_zero", float(option.removeprefix("on_zero="))))
         else:
-            raise ValueError(f"unknown option {option!r} in {text!r}; known: printed, unclipped, on_zero=<lambda>")
+            raise ValueError(f"unknown option {option!r} in {text!r}; known: unclipped, on_zero=<lambda>")
+    return choice
+
+
+def checked(rule: LambdaRule) -> LambdaRule:
+    """The rule itself, or TypeError, in one line, for what cannot be called as a rule is."""
+    try:
+        signature(rule).bind(delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0)
+    except TypeError as error:
+        raise TypeError(f"lambda_rule = {rule!r}: {error}; {TAKES_AND_RETURNS}") from None
+    except ValueError:
+        pass  # one of C, which keeps its signature to itself
     return rule
+
+
+def name_of(rule: LambdaRule) -> str:
+    """What to call a rule: a function's own name, or what an object says of itself."""
+    return str(getattr(rule, "__name__", rule))
 
 
 def unit_interval(name: str, value: float) -> float:

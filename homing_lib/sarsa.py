@@ -1,43 +1,66 @@
-"""Control with a linear action-value function, Q(s, a) = phi(s)^T theta(a): eqs. (17), (18) and Fig. 2 of the paper.
+"""The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (17), (18).
 
-    LinearSarsa    Sarsa(lambda_t), on-policy
+    LinearSarsa    Sarsa(lambda_t), on-policy: every equation of learning stands here, once
     LinearQ        Watkins's Q(lambda_t), off-policy
 
 Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
-(actions, n).
+(actions, n). TD prediction itself (`td`) is the same update with one action.
 """
 
+from math import hypot, inf, isfinite, sqrt
+from numbers import Real
 from operator import index
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.blas import ddot as dot
 
-from homing_lib.lambdas import Array, LambdaRule, one_of
-from homing_lib.td import Learner, features, finite, linear, silent, td_error
+from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
 
 Traces = Literal["accumulating", "replacing", "dutch"]
 Update = Literal["taken", "all"]
 
+# A decorator: numpy's overflow warnings add nothing to `Diverged`, which says where the run ended.
+silent = np.errstate(all="ignore")
 
-class LinearSarsa(Learner):
-    """Sarsa(lambda) with any lambda rule: the learning of Fig. 2. Choosing actions and features is the caller's.
 
+class Diverged(ArithmeticError):
+    """The weights left the finite numbers at update `step` (1, 2, ...): an outcome of a run, to be recorded as such."""
+
+    def __init__(self, step: int, rule: str, step_size: float) -> None:
+        super().__init__(step, rule, step_size)
+        self.step, self.rule, self.step_size = step, rule, step_size
+
+    def __str__(self) -> str:
+        return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
+
+
+class LinearSarsa:
+    """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's. Settings:
+
+    step_size           alpha, may be set between steps
+    discount            gamma
+    lambda_rule         see `lambdas`
+    initial_weight      theta_0
+    clip                reset a lambda outside [0, 1] to the nearer bound, as the paper asks (II.B). Such a step no
+                        longer follows the conjugate direction; `clipped` says so
+    on_zero             the lambda where the rule's ratio is undefined (E13: the paper is silent, and the choice
+                        matters). 0 starts the direction afresh, as conjugate gradient does
     traces              "accumulating": eq. (17). "replacing": a feature that is not zero sets its trace instead of
-                        adding to it. "dutch": true online Sarsa(lambda), see `td.TrueOnlineTD`.
+                        adding to it. "dutch": true online learning (van Seijen et al., JMLR 17, 2016)
     update              "taken": eq. (18) as printed, only the weights of the action taken change. "all": the
                         standard, every action's weights change by its trace. By default "taken", but "all" with
-                        dutch traces, which are exact only so.
+                        dutch traces, which are exact only so
     bootstrap_terminal  False: the value after the last step is 0, the standard. True: Fig. 2 as printed, which
-                        knows no terminal state.
+                        knows no terminal state
 
-    `weights` and `trace` have shape (actions, n). The lambda rule sees phi(s, a) and the trace as vectors of
-    actions * n components, so that TD-conj stays equivalent to conjugate gradient. Form 2 is the same
-    either way: |phi(s, a)| = |phi(s)|.
+    and what it shows: `weights` and `trace`; of the last step `lambda_`, whether it was `clipped`, and `change`, the
+    Euclidean norm of the change of the weights; `steps`, the updates so far.
+
+    The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
+    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
     """
-
-    _default_update: Update = "taken"
 
     def __init__(
         self,
@@ -48,34 +71,66 @@ class LinearSarsa(Learner):
         discount: float,
         lambda_rule: LambdaRule,
         initial_weight: float = 0.0,
+        clip: bool = True,
+        on_zero: float = 0.0,
         traces: Traces = "accumulating",
         update: Update | None = None,
         bootstrap_terminal: bool = False,
     ) -> None:
+        if min(n_features, n_actions) < 1:
+            raise ValueError(f"there must be at least 1 feature and 1 action, got {n_features} and {n_actions}")
         one_of("traces", traces, get_args(Traces))
         self.traces = traces
-        self.updates: Update = update if update is not None else "all" if traces == "dutch" else self._default_update
+        self.updates: Update = update if update is not None else "all" if traces == "dutch" else "taken"
         one_of("update", self.updates, get_args(Update))
+        self.step_size = step_size
+        self.discount = unit_interval("discount", discount)
+        self.lambda_rule = checked(lambda_rule)
+        self.clip, self.on_zero = clip, unit_interval("on_zero", on_zero)
         self.bootstrap_terminal = bootstrap_terminal
-        super().__init__(
-            (n_actions, n_features),
-            step_size=step_size,
-            discount=discount,
-            lambda_rule=lambda_rule,
-            initial_weight=initial_weight,
-        )
+        self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
+        self._theta_of = list(self._theta)  # views of its rows: theta(a) without making one at each step
+        self.steps = 0
+        self.change = 0.0
+        self.begin_episode()
+
+    @property
+    def weights(self) -> Array:
+        """theta, shape (actions, n)."""
+        return self._theta
+
+    @property
+    def trace(self) -> Array:
+        """e, the same shape."""
+        return self._e
+
+    @property
+    def step_size(self) -> float:
+        return self._step_size
+
+    @step_size.setter
+    def step_size(self, alpha: float) -> None:
+        if not 0 < alpha < inf:
+            raise ValueError(f"step_size must be finite and greater than 0, got {alpha!r}")
+        self._step_size = float(alpha)
+
+    def begin_episode(self) -> None:
+        """Clear the trace and forget the step before; the weights stay."""
+        self.lambda_, self.clipped = 0.0, False
+        self._q_ahead = 0.0  # q_next of the step before, for true online learning
+        self._restart()
+
+    def _restart(self) -> None:
+        self._e: Array = np.zeros_like(self._theta)
+        self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
     def values(self, phi: ArrayLike) -> Array:
         """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
         return self._values("phi", phi)
 
     def _values(self, name: str, phi: ArrayLike | None) -> Array:
-        x = features(name, phi, self.weights.shape[1])
-        return np.array([linear(name, theta_a, x) for theta_a in self.weights])
-
-    def begin_episode(self) -> None:
-        super().begin_episode()
-        self._q_ahead = 0.0  # q_next of the step before, for true online learning
+        x = self._features(name, phi)
+        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
 
     @silent
     def update(
@@ -92,47 +147,87 @@ class LinearSarsa(Learner):
 
         After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
         """
-        theta, alpha, gamma = self.weights, self.step_size, self.discount
-        phi, a = features("phi", phi, theta.shape[1]), self._action("action", action)
+        theta, alpha, gamma = self._theta, self._step_size, self.discount
+        phi, a = self._features("phi", phi), self._action("action", action)
         phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
         phi_sa[a] = phi
 
-        q = linear("phi", theta[a], phi)
-        q_next = 0.0 if terminal and not self.bootstrap_terminal else self._q_next(phi_next, next_action)
-        delta = td_error(finite("reward", reward), gamma, q_next, q)
+        q = linear("phi", self._theta_of[a], phi)
+        q_next = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_next, next_action)
+        delta = finite("reward", reward) + gamma * q_next - q  # eq. (1)
 
-        # Eq. (7). The call also keeps delta_t and phi_t, to be delta_{t-1} and phi_{t-1} at the next step.
-        lambda_t = self._lambda_t(delta, phi_sa.ravel(), self.trace.ravel())
+        lambda_t = self._lambda(delta, phi_sa.ravel())  # eq. (7)
 
-        e = gamma * lambda_t * self.trace  # eq. (17), for every action
+        e = gamma * lambda_t * self._e  # eq. (17), for every action
+        e_a = e[a]
         if self.traces == "accumulating":
-            e += phi_sa  # eq. (17), for the action taken
+            e_a += phi  # eq. (17), for the action taken
         elif self.traces == "replacing":
             np.copyto(e, phi_sa, where=phi_sa != 0)
         else:
-            e += (1 - alpha * dot(e[a], phi)) * phi_sa
-        self.trace = e
+            e_a += (1 - alpha * dot(e_a, phi)) * phi
+        self._e = e
 
         if self.updates == "taken":
-            theta, e, phi_sa = theta[a], e[a], phi
+            theta, e, phi_sa = self._theta_of[a], e_a, phi
         change = alpha * delta * e
-        if self.traces == "dutch":
+        if self.traces == "dutch":  # the value grew by q - q_ahead since the step before looked ahead to it
             change += alpha * (q - self._q_ahead) * (e - phi_sa)
         theta += change  # eq. (18)
 
         self._q_ahead = q_next
-        self._changed_by(change)
+        self._changed_by(change.ravel())
         return delta
 
-    def _q_next(self, phi_next: ArrayLike | None, next_action: int | None) -> float:
+    def _lambda(self, delta: float, phi: Array) -> float:
+        """lambda_t by the rule, guarded and clipped; 0 at the first step. This step then becomes the step before."""
+        self.lambda_, self.clipped = 0.0, False
+        if self._step_before is not None:
+            (delta_prev, phi_prev), e, gamma = self._step_before, self._e.ravel(), self.discount
+            try:
+                ratio = self.lambda_rule(
+                    delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma
+                )
+            except ArithmeticError:
+                ratio = self.on_zero
+            self.lambda_ = ratio if type(ratio) is float and isfinite(ratio) else self._sound(ratio, delta)
+            if self.clip and not 0 <= self.lambda_ <= 1:
+                self.lambda_, self.clipped = min(max(0.0, self.lambda_), 1.0), True
+        self._step_before = delta, phi
+        return self.lambda_
+
+    def _sound(self, ratio: Any, delta: float) -> float:
+        """The ratio as a float, or ValueError, in one line, if the rule returned no finite number."""
+        if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
+            return float(ratio)
+        if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
+            return self.on_zero
+        raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {ratio!r}; {TAKES_AND_RETURNS}")
+
+    def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
         a = self._action("next_action", next_action)
-        return linear("phi_next", self.weights[a], features("phi_next", phi_next, self.weights.shape[1]))
+        return linear("phi_next", self._theta_of[a], self._features("phi_next", phi_next))
 
-    def _action(self, name: str, action: int | None) -> int:
-        n_actions = len(self.weights)
-        if action is None or not 0 <= action < n_actions:
-            raise ValueError(f"{name} must lie in 0..{n_actions - 1}, got {action!r}")
+    def _changed_by(self, change: Array) -> None:
+        """Note a change just made to the weights, and see that they are finite still."""
+        self.steps += 1
+        squares = dot(change, change)
+        # A finite sum of squares bounds each change by 1e155, by which no finite weight can overflow.
+        if not isfinite(squares) and not np.isfinite(self._theta).all():
+            raise Diverged(self.steps, name_of(self.lambda_rule), self._step_size)
+        self.change = sqrt(squares) if isfinite(squares) else hypot(*change)
+
+    def _features(self, name: str, phi: ArrayLike | None) -> Array:
+        """The feature vector as an array of floats, or ValueError unless its shape is (n,)."""
+        x = np.asarray(phi, np.float64)
+        if x.shape != self._theta.shape[1:]:
+            raise ValueError(f"{name} must have shape {self._theta.shape[1:]}, got {x.shape}")
+        return x
+
+    def _action(self, name: str, action: Any) -> int:
+        if action is None or not 0 <= action < len(self._theta):
+            raise ValueError(f"{name} must lie in 0..{len(self._theta) - 1}, got {action!r}")
         return index(action)
 
 
@@ -144,27 +239,34 @@ class LinearQ(LinearSarsa):
     by default.
     """
 
-    _default_update = "all"
+    def __init__(self, n_features: int, n_actions: int, *, update: Update = "all", **settings: Any) -> None:
+        super().__init__(n_features, n_actions, update=update, **settings)
 
-    def update(
-        self,
-        phi: ArrayLike,
-        action: int,
-        reward: float,
-        phi_next: ArrayLike | None,
-        next_action: int | None,
-        *,
-        terminal: bool = False,
-    ) -> float:
-        """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. Arguments as in `LinearSarsa`."""
+    def update(self, *step: Any, **terminal: bool) -> float:  # type: ignore[override]
+        """As `LinearSarsa.update`."""
         self._cut = False
-        delta = super().update(phi, action, reward, phi_next, next_action, terminal=terminal)
+        delta = super().update(*step, **terminal)
         if self._cut:
             self._restart()
         return delta
 
-    def _q_next(self, phi_next: ArrayLike | None, next_action: int | None) -> float:
+    def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
         values = self._values("phi_next", phi_next)
         self._cut = bool(values[self._action("next_action", next_action)] < values.max())
         return float(values.max())
+
+
+def finite(name: str, value: float) -> float:
+    """The value as a float, or ValueError unless it is finite."""
+    if not isfinite(value):
+        raise ValueError(f"{name} must be finite, got {value!r}")
+    return float(value)
+
+
+def linear(name: str, weights: Array, phi: Array) -> float:
+    """Eq. (2), theta^T phi. ValueError if phi is not finite: an infinite value of finite features is divergence."""
+    value: float = dot(weights, phi)
+    if not isfinite(value) and not np.isfinite(phi).all():
+        raise ValueError(f"{name} must be finite, got {phi}")
+    return value

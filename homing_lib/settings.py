@@ -33,9 +33,18 @@ _survey = partial(_field, scope="survey")  # beyond these, what the robot knows 
 
 
 class Settings(BaseModel):
-    """The model, its world and how an experiment is run. `Settings()` is the default; `with_changes` derives others."""
+    """The model, its world and how an experiment is run. `Settings()` is the default; `with_changes` derives others.
+
+    Values may be given as texts. Raises UserError, in one line, for an unknown field or a value out of range.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise UserError("; ".join(_one_line(problem) for problem in error.errors())) from None
 
     # --- Table I -------------------------------------------------------------------------------------------------
     episodes: int = _field(20, "Table I, EP: episodes of a run", "20", ge=1)
@@ -181,8 +190,8 @@ class Settings(BaseModel):
         return {name: getattr(self, name) for name in tags if tags[name]["scope"] in scopes}
 
     def with_changes(self, **changes: Any) -> "Settings":
-        """A validated copy with some fields changed. Raises UserError for an unknown field or a value out of range."""
-        return parse_settings({**self.model_dump(), **changes})
+        """A validated copy with some fields changed."""
+        return Settings(**{**self.model_dump(), **changes})
 
     @property
     def digest(self) -> str:
@@ -191,11 +200,7 @@ class Settings(BaseModel):
 
 
 def parse_settings(values: dict[str, Any]) -> Settings:
-    """Settings from a mapping of names to values or texts. Raises UserError with one line a mistake."""
-    try:
-        return Settings(**values)
-    except ValidationError as error:
-        raise UserError("; ".join(_one_line(problem) for problem in error.errors())) from None
+    return Settings(**values)
 
 
 def _one_line(problem: Any) -> str:

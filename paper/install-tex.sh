@@ -18,5 +18,7 @@ else
     exit 1
 fi
 
-$as_root apt-get update -q
-$as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $packages
+# Another installation may be at work, as on a machine that was just started: wait for it.
+patient='-o DPkg::Lock::Timeout=600'
+$as_root apt-get $patient update -q
+$as_root env DEBIAN_FRONTEND=noninteractive apt-get $patient install -q -y --no-install-recommends $packages

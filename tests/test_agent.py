@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from homing_lib.agent import (
-    _NOT_SURVEYED,
     STEP_COLUMNS,
     ClimbingAgent,
     RandomAgent,
@@ -21,7 +20,8 @@ from homing_lib.agent import (
     run_episode,
 )
 from homing_lib.environment import HomingEnv, reward, survey
-from homing_lib.lambdas import parse
+from homing_lib.errors import UserError
+from homing_lib.lambdas import TAKES_AND_RETURNS, fletcher_reeves
 from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
@@ -89,7 +89,7 @@ def test_runs_that_share_a_survey_would_each_have_made_the_same(arena):
         max_steps=3,
     )
     differ = {name for name in Settings.model_fields if getattr(changed, name) != getattr(Settings(), name)}
-    assert differ - {"survey_steps"} == _NOT_SURVEYED
+    assert differ - {"survey_steps"} == Settings.model_fields.keys() - Settings().of_scope("view", "lattice", "survey")
     models = [
         survey(arena, settings, PAPER.home, np.random.default_rng(0))
         for settings in (Settings(survey_steps=50), changed)
@@ -207,6 +207,33 @@ def test_learning_at_walls_may_be_switched_off_and_then_only_those_steps_teach_n
         assert (result.column("change")[~at_wall] > 0).all()
 
 
+# A rule of one's own
+
+
+def test_a_rule_of_ones_own_drives_the_robot_as_the_one_of_that_name_does(short):
+    def mine(*, delta, phi, delta_prev, phi_prev, discount, **_):
+        return delta * float(phi @ phi) / (discount * delta_prev * float(phi_prev @ phi_prev))
+
+    result = run(SHORT.with_changes(lambda_rule="fixed:1"), 1, lambda_rule=mine)
+    assert result.lengths.tolist() == short.lengths.tolist()
+    np.testing.assert_allclose(result.steps, short.steps, rtol=1e-6)
+    assert result.column("clipped").mean() == short.column("clipped").mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    "wrong", [0.5, lambda delta, phi: 0.5, lambda **_: None, lambda **_: "0.5", lambda **_: np.nan]
+)
+def test_what_is_no_rule_is_refused_in_one_line_that_says_what_a_rule_takes_and_returns(wrong):
+    with pytest.raises((TypeError, ValueError)) as refusal:
+        run(SHORT, 1, lambda_rule=wrong)
+    assert TAKES_AND_RETURNS in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_who_does_not_learn_has_no_use_for_a_rule():
+    with pytest.raises(UserError, match="controller = 'random' has no use for one"):
+        run(SHORT.with_changes(controller="random"), 1, lambda_rule=fletcher_reeves)
+
+
 def test_overwriting_the_features_shows_the_lambda_rule_this_steps_for_those_of_the_step_before():
     seen = []
     rule = overwritten(lambda **step: seen.append(step) or 0.5)
@@ -216,8 +243,8 @@ def test_overwriting_the_features_shows_the_lambda_rule_this_steps_for_those_of_
     assert (seen[0]["delta"], seen[0]["delta_prev"], seen[0]["trace_prev"] is trace) == (1.0, 2.0, True)
     # Form 2 by hand: 2 * |(1, 2)|^2 / (.5 * 8 * |(3, 4)|^2) = .1; overwritten, the lengths cancel: 2 / (.5 * 8)
     step = {"delta": 2.0, "phi": phi, "delta_prev": 8.0, "phi_prev": phi_prev, "trace_prev": trace, "discount": 0.5}
-    assert parse("fletcher-reeves")(**step) == pytest.approx(0.1)
-    assert overwritten(parse("fletcher-reeves"))(**step) == pytest.approx(0.5)
+    assert fletcher_reeves(**step) == pytest.approx(0.1)
+    assert overwritten(fletcher_reeves)(**step) == pytest.approx(0.5)
 
 
 def test_with_features_overwritten_form_2_is_the_ratio_of_the_td_errors_in_a_whole_run(short):
@@ -228,6 +255,8 @@ def test_with_features_overwritten_form_2_is_the_ratio_of_the_td_errors_in_a_who
         assert lambda_[0] == 0
         assert (lambda_ > 0).sum() > 10
         assert np.allclose(lambda_[1:], ratio, rtol=1e-9, atol=0) is is_ratio
+    delta, clipped = (literal.episode(1)[:, STEP_COLUMNS.index(name)] for name in ("delta", "clipped"))
+    np.testing.assert_array_equal(clipped[1:], (delta[1:] / delta[:-1] < 0) | (delta[1:] / delta[:-1] > 1))
 
 
 @pytest.mark.filterwarnings("error")

@@ -5,14 +5,16 @@ from math import cos, degrees, hypot, inf, pi, radians, sin
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import pytest
 
-from homing_lib.arena import Arena, paint
+pybullet = pytest.importorskip("pybullet", reason="needs PyBullet")
+
+from homing_lib.arena import Arena
 from homing_lib.features import histogram, similarity
 from homing_lib.robot import INFRARED_ANGLES_DEG, Robot, wrapped
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
+from homing_lib.surfaces import paint
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent

@@ -13,6 +13,8 @@ from time import sleep
 import numpy as np
 import pytest
 
+pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_everywhere.py does without
+
 from homing_lib import atlas
 from homing_lib.agent import run
 from homing_lib.arena import Arena
@@ -357,7 +359,7 @@ def test_the_name_depends_on_every_setting_that_rendering_asks_for(tmp_path):
             return getattr(SETTINGS, name)
 
     atlas._render_block(tmp_path / "0000.npz", {"columns": [3, 4]}, PAPER, Listening())
-    assert Listening.asked == set(atlas._DEPENDS_ON)
+    assert Listening.asked == set(SETTINGS.of_scope("view", "lattice"))
 
 
 def test_the_name_depends_on_nothing_that_only_learning_asks_for():

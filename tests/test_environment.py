@@ -11,7 +11,6 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-import pybullet
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
@@ -483,6 +482,7 @@ def test_on_an_atlas_it_drives_without_the_simulator_and_home_is_exactly_home(tm
 
 
 def open_clients():
+    pybullet = pytest.importorskip("pybullet", reason="needs PyBullet")
     return [client for client in range(1025) if pybullet.isConnected(client)]
 
 

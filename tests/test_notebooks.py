@@ -1,14 +1,24 @@
 """Executed notebooks are a function of their sources, and a failure is told in one line."""
 
+import base64
 from pathlib import Path
 
 import nbformat
 import pytest
+from nbclient import NotebookClient
 
 from homing_lib.errors import UserError
 from homing_lib.publish import notebooks
+from homing_lib.storage import ROOT
 
-PARAMETERS = 'profile = "full"\nfigures_dir = "../figures"'
+SOURCES = sorted(notebooks.NOTEBOOKS.glob("*.ipynb"))
+
+PARAMETERS = 'profile = "full"\nfigures_dir = None'
+DRAWS = """
+from homing_lib.publish import figures
+figure = figures.passing_shares({"some": 0.1})
+figures.save(figure, figures_dir, "bar")
+"""
 UNSTABLE = """
 import sys, time, matplotlib.pyplot as plt
 for word in ("one", "two"):
@@ -38,6 +48,14 @@ def write(tmp_path: Path):
     return write
 
 
+def code_cells(path: Path) -> list:
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+
+
+def images(cell) -> int:
+    return sum("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
+
+
 def test_executing_twice_gives_the_same_bytes_and_leaves_the_source_alone(write, tmp_path):
     source = write(PARAMETERS, UNSTABLE)
     before = source.read_bytes()
@@ -55,10 +73,10 @@ def test_executing_twice_gives_the_same_bytes_and_leaves_the_source_alone(write,
 
     executed = nbformat.read(written[0], as_version=4)
     nbformat.validate(executed)
-    printed, figure = executed.cells[1].outputs
+    printed, figure = executed.cells[-1].outputs
     assert printed.text == "one\ntwo\n<object object>\n"
     assert "image/png" in figure.data
-    assert str(tmp_path) not in written[0].read_text()
+    assert str(tmp_path) not in written[0].read_text(encoding="utf-8")
 
 
 def test_the_quick_profile_writes_only_where_it_is_told(write, tmp_path):
@@ -66,10 +84,33 @@ def test_the_quick_profile_writes_only_where_it_is_told(write, tmp_path):
     quick = tmp_path / "quick"
     notebooks.execute(str(source), "quick", output_dir=quick, figures_dir=quick / "figures")
     assert (quick / "tiny.ipynb").exists()
-    assert (quick / "figures" / "profile.txt").read_text() == "quick"
+    assert (quick / "figures" / "profile.txt").read_text(encoding="utf-8") == "quick"
     assert not (source.parent / "executed").exists()
     assert list((tmp_path / "figures").glob("*")) == []
-    assert str(tmp_path) not in (quick / "tiny.ipynb").read_text()
+    assert str(tmp_path) not in (quick / "tiny.ipynb").read_text(encoding="utf-8")
+
+
+def test_every_figure_is_shown_where_it_is_drawn(write, tmp_path):
+    source = write(PARAMETERS, DRAWS, DRAWS, DRAWS)
+    copy, *_ = notebooks.execute(str(source))
+    assert [images(cell) for cell in code_cells(copy)[-3:]] == [1, 1, 1]
+
+
+def test_by_hand_a_notebook_shows_its_figures_and_writes_none(write, tmp_path, monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # which make sets
+    source = write(PARAMETERS, DRAWS, DRAWS)
+    notebook = nbformat.read(source, as_version=4)
+    NotebookClient(notebook, resources={"metadata": {"path": str(source.parent)}}).execute()
+    assert [images(cell) for cell in notebook.cells] == [0, 1, 1]
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["tiny.ipynb"]
+
+
+def test_a_figure_that_needs_the_camera_is_shown_as_it_is_stored(write):
+    source = write(PARAMETERS, 'from homing_lib.publish import figures\nfigures.stored("fig1-home-view")')
+    copy, *_ = notebooks.execute(str(source))
+    printed, shown = code_cells(copy)[-1].outputs
+    assert printed.text == "This needs PyBullet, which this Python lacks. Drawn earlier: figures/fig1-home-view.png\n"
+    assert base64.b64decode(shown.data["image/png"]) == (ROOT / "figures" / "fig1-home-view.png").read_bytes()
 
 
 def test_a_failing_cell_is_told_in_one_line_and_the_earlier_copy_stays(write):
@@ -79,7 +120,7 @@ def test_a_failing_cell_is_told_in_one_line_and_the_earlier_copy_stays(write):
     write(PARAMETERS, "x = 0", "# one over nothing\n1 / x")
     with pytest.raises(UserError) as failure:
         notebooks.execute(str(source))
-    assert str(failure.value) == "tiny.ipynb, cell [3] `# one over nothing`: ZeroDivisionError: division by zero"
+    assert str(failure.value) == "tiny.ipynb, cell [4] `# one over nothing`: ZeroDivisionError: division by zero"
     assert copy.read_bytes() == before
     assert list(copy.parent.iterdir()) == [copy]
 
@@ -87,6 +128,12 @@ def test_a_failing_cell_is_told_in_one_line_and_the_earlier_copy_stays(write):
 def test_an_unknown_notebook_is_a_users_mistake():
     with pytest.raises(UserError, match="no notebook '99-nothing'"):
         notebooks.execute("99-nothing")
+
+
+def test_a_place_that_cannot_be_written_to_is_told_in_one_line(write, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="file: no folder to write to"):
+        notebooks.execute(str(write(PARAMETERS)), output_dir=tmp_path / "file")
 
 
 def test_problems_names_stored_results_and_a_missing_parameters_cell(write):
@@ -100,6 +147,13 @@ def test_problems_names_stored_results_and_a_missing_parameters_cell(write):
     assert "parameters" in parameters
 
 
-@pytest.mark.parametrize("source", sorted(notebooks.NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 def test_every_source_notebook_is_clean(source):
     assert notebooks.problems(source) == []
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_every_executed_notebook_shows_all_figures_that_it_saves(source):
+    saved = source.read_text(encoding="utf-8").count("figures.save(")
+    assert saved > 0
+    assert sum(map(images, code_cells(source.parent / "executed" / source.name))) == saved

@@ -6,10 +6,14 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from homing_lib.publish import figures, plots
-from homing_lib.publish.plots import Column
+from homing_lib.publish.drawing import TEXT_WIDTH
+from homing_lib.publish.forests import Column, compared, forest
 from homing_lib.rooms import ROOMS
+from homing_lib.study.claims import Comparison
+from homing_lib.study.rules import Rules
 from homing_lib.study.statistics import Interval
 
 RNG = np.random.default_rng(3)
@@ -17,6 +21,12 @@ RUNS = RNG.uniform(20, 200, (6, 20))
 CAPPED = np.where(np.arange(20) > 15, 2000.0, RUNS)  # what runs that diverged leave
 FOUND = {"one": Interval(2, 1, 3), "two": Interval(0, -1, 1), "three": Interval(-2, -3, -1)}
 SHARES = {name: Interval(0.5, 0.4, 0.6) for name in ("one", "three")}  # none for two
+COMPARED = {
+    "faster": Comparison(Interval(0.5, 0.4, 0.6), Interval(0.6, 0.5, 0.7)),
+    "slower": Comparison(Interval(2.0, 1.5, 2.5), Interval(3.0, 2.0, 4.0)),
+    "typically slower": Comparison(Interval(2.0, 1.5, 2.5), Interval(1.2, 0.8, 1.6)),
+    "the same": Comparison(Interval(1.0, 0.9, 1.1), Interval(1.0, 0.9, 1.1)),
+}
 X, Y = (values.ravel() for values in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
 
 PLOTS = {
@@ -27,9 +37,14 @@ PLOTS = {
     ),
     "curves": lambda: plots.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
     "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
-    "forest": lambda: plots.forest(Column("difference", FOUND, 0.0), shared=True),
-    "forest of columns": lambda: plots.forest(Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5)),
-    "forest, log": lambda: plots.forest(Column("steps", SHARES, log=True, text=".2f")),
+    "curves of different kinds": lambda: plots.curves({"one": {"a": RUNS}, "two": {"a": RUNS}}, ("steps", "m")),
+    "forest": lambda: forest(Column("difference", FOUND, 0.0), shared=True),
+    "forest of columns": lambda: forest(
+        Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5), ylabel="row"
+    ),
+    "forest, log": lambda: forest(Column("steps", SHARES, log=True, text=".2f")),
+    "forest of comparisons": lambda: forest(compared("steps", COMPARED)),
+    "rules": lambda: plots.rules(Rules({"form 2": RUNS, "mine": 2 * RUNS, "lost": CAPPED})),
     "heat map": lambda: plots.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
     "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: plots.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
@@ -48,21 +63,58 @@ def close_all():
 @pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
 def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
     figure = plot()
-    assert figure.get_figwidth() <= figures.TEXT_WIDTH
+    assert figure.get_figwidth() <= TEXT_WIDTH
     figures.save(figure, tmp_path, "drawn")
 
 
+def marks(axes) -> list[tuple[str, bool]]:
+    """Shape, and whether it is filled, of each row."""
+    lines = [line for line in axes.lines if line.get_marker() in "osD" and len(line.get_xdata())]
+    return [(line.get_marker(), line.get_markerfacecolor() != "white") for line in lines]
+
+
 def test_an_interval_is_marked_by_the_side_of_the_reference_on_which_all_of_it_lies():
-    (axes,) = plots.forest(Column("difference", FOUND, 0.0)).axes
-    assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["s", "D", "o"]
-    (axes,) = plots.forest(Column("success", FOUND, 0.0, more=True)).axes
-    assert [line.get_marker() for line in axes.lines if line.get_marker() != "None"] == ["o", "D", "s"]
+    worse, unsettled, better = ("s", True), ("D", False), ("o", True)
+    (axes,) = forest(Column("difference", FOUND, 0.0)).axes
+    assert marks(axes) == [worse, unsettled, better]
+    (axes,) = forest(Column("success", FOUND, 0.0, more=True)).axes
+    assert marks(axes) == [better, unsettled, worse]
+
+
+def test_a_comparison_is_marked_and_named_and_counted_by_its_own_word():
+    (axes,) = forest(compared("steps", COMPARED)).axes
+    assert marks(axes) == [("o", True), ("s", True), ("D", False), ("D", True)]
+    words = [text.get_text().rsplit(" ", 1)[1] for text in axes.texts]
+    assert words == [found.word for found in COMPARED.values()] == ["better", "worse", "open", "comparable"]
+    assert axes.get_title(loc="left") == "1 better, 1 worse, 1 comparable, 1 open"
+
+
+def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
+    found = Rules({"form 2": RUNS, "same": RUNS, "slow": 3 * RUNS})
+    learning, against = plots.rules(found).axes
+    assert [text.get_text() for text in learning.texts] == ["form 2", "same", "slow"]
+    assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
+    assert [verdict.word for verdict in found.verdicts.values()] == ["comparable", "worse"]
+    assert marks(against) == [("D", True), ("s", True)]
+
+
+def test_panels_of_different_kinds_name_and_scale_their_own_axis():
+    figure = plots.curves({"one": {"a": RUNS}, "two": {"a": RUNS / 100}}, ("steps", "metres"))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["steps", "metres"]
+    assert figure.axes[0].get_ylim()[0] > figure.axes[1].get_ylim()[1]
+
+
+def test_maps_of_one_figure_share_their_scale():
+    figure = plots.over_room({"a": (X, Y, X), "b": (X, Y, 3 * Y)}, ROOMS["paper"], "share")
+    one, other, bar = figure.axes
+    assert one.collections[0].get_clim() == other.collections[0].get_clim()
+    assert bar.get_ylabel() == "share"
 
 
 def test_names_at_the_ends_of_curves_do_not_overlap():
     figure = plots.curves({"": {name: RUNS for name in ("a", "b", "c")}}, "steps")
     figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    boxes = [Text.get_window_extent(text) for text in figure.axes[0].texts]
     assert len(boxes) == 3
     assert not any(one.overlaps(other) for one in boxes for other in boxes if one is not other)
 

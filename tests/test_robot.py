@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_lib.arena import Arena
 from homing_lib.robot import (
     FRONT_SENSORS,
     GO_FORWARD,
@@ -142,6 +141,8 @@ def gap(room, x, y):
 
 @pytest.mark.parametrize("room", ROOMS.values(), ids=ROOMS)
 def test_ten_thousand_random_steps_never_enter_an_obstacle_by_a_millimetre_nor_leave_the_room(room):
+    from homing_lib.arena import Arena
+
     rng = np.random.default_rng(0)
     with Arena(room, Settings()) as world:
         robot = Robot(world, Settings(), room.home)
@@ -158,6 +159,8 @@ def test_ten_thousand_random_steps_never_enter_an_obstacle_by_a_millimetre_nor_l
 
 @pytest.mark.parametrize("room", ROOMS.values(), ids=ROOMS)
 def test_a_free_robot_drives_what_is_commanded(room):
+    from homing_lib.arena import Arena
+
     s = Settings()
     with Arena(room, s) as world:
         robot = Robot(world, s, room.home)

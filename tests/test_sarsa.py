@@ -9,7 +9,13 @@ RULES = ("fixed:0.7", "hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 
 
 def make(cls=LinearSarsa, n=2, actions=2, rule="fletcher-reeves", **changes):
-    return cls(n, actions, **{"step_size": 0.1, "discount": 1.0, "lambda_rule": parse(rule)} | changes)
+    return cls(n, actions, **{"step_size": 0.1, "discount": 1.0} | of_lambda(rule) | changes)
+
+
+def of_lambda(text):
+    """A learner's settings from the name of a rule."""
+    _, rule, on_zero, clip = parse(text)
+    return {"lambda_rule": rule, "on_zero": on_zero, "clip": clip}
 
 
 def random_stream(seed, n=6, actions=3, steps=40):
@@ -77,7 +83,7 @@ def test_sarsa_that_updates_all_actions_equals_td_on_state_action_features(trace
     stacked = np.zeros((len(x), actions, n))
     stacked[np.arange(len(x)), a] = x
     stacked = stacked.reshape(len(x), -1)
-    setting = {"step_size": 0.02, "discount": 0.9, "lambda_rule": parse(rule)}
+    setting = {"step_size": 0.02, "discount": 0.9} | of_lambda(rule)
     sarsa = LinearSarsa(n, actions, **setting, traces=traces, update="all")
     td = cls(n * actions, **setting)
     for _ in range(3):
@@ -87,19 +93,6 @@ def test_sarsa_that_updates_all_actions_equals_td_on_state_action_features(trace
             assert sarsa.lambda_ == pytest.approx(td.lambda_, rel=1e-9, abs=1e-12)
             np.testing.assert_allclose(sarsa.weights.ravel(), td.weights, rtol=1e-12, atol=1e-13)
             np.testing.assert_allclose(sarsa.trace.ravel(), td.trace, rtol=1e-12, atol=1e-13)
-
-
-def test_with_one_action_both_updates_are_td():
-    x, _, r = random_stream(12)
-    stream = x, np.zeros(len(x), int), r
-    taken, every = (make(n=6, actions=1, update=update) for update in ("taken", "all"))
-    td = LinearTD(6, step_size=0.1, discount=1.0, lambda_rule=parse("fletcher-reeves"))
-    for t in feed(taken, stream):
-        td.update(x[t], r[t], x[t + 1], terminal=t == len(r) - 1)
-        np.testing.assert_array_equal(taken.weights[0], td.weights)
-    for _ in feed(every, stream):
-        pass
-    np.testing.assert_array_equal(taken.weights, every.weights)
 
 
 def test_the_printed_update_leaves_the_weights_of_the_other_actions_alone():

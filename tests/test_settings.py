@@ -59,6 +59,7 @@ def test_the_settings_of_table_1_are_the_printed_ones():
             {"lambda_rule": "steepest"},
             "setting lambda_rule = 'steepest': unknown lambda rule 'steepest'; known: ",
         ),
+        ({"lambda_rule": 0.5}, "setting lambda_rule = 0.5: settings name their rule: fixed:<lambda>, hestenes-stiefel"),
         ({"lambda_rule": "fixed:2"}, "setting lambda_rule = 'fixed:2': lambda must lie in [0, 1], got 2.0"),
         ({"lambda_rule": "fixed:much"}, "setting lambda_rule = 'fixed:much': could not convert"),
         ({"alpha": 1}, "setting alpha: there is none of this name; `homing settings` lists them"),

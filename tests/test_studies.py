@@ -279,7 +279,7 @@ def test_data_readme_names_every_column_of_every_measure(coarse):
     columns = {
         "Episodes": EPISODE_COLUMNS,
         "Trials (`after`)": ("kidnapped", "x", "y", "heading", "steps", "reached", "light"),
-        "Views (`lattice-views`) and shortest ways (`shortest`)": ("x", "y", "heading", "camera", "atlas", "steps"),
+        "Views (`lattice-views`) and shortest paths (`shortest`)": ("x", "y", "heading", "camera", "atlas", "steps"),
         "Steps (`headline/`)": STEP_COLUMNS,
     }
     for section, names in columns.items():

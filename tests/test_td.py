@@ -5,15 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_lib.lambdas import Conjugate, Fixed, parse
-from homing_lib.td import ConjugateTD, Diverged, LinearTD, TrueOnlineTD
+from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, parse
+from homing_lib.td import ConjugateTD, Diverged, LinearTD, TrueOnlineTD, beta
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 LEARNERS = (LinearTD, TrueOnlineTD)
 
 
 def make(cls=LinearTD, n=2, rule="fletcher-reeves", **changes):
-    return cls(n, **{"step_size": 0.1, "discount": 0.5, "lambda_rule": parse(rule)} | changes)
+    _, lambda_rule, on_zero, clip = parse(rule)
+    setting = {"step_size": 0.1, "discount": 0.5}
+    if cls is not ConjugateTD:
+        setting |= {"lambda_rule": lambda_rule, "on_zero": on_zero, "clip": clip}
+    return cls(n, **setting | changes)
 
 
 def random_stream(seed, n=8, steps=30):
@@ -88,14 +92,6 @@ def test_two_steps_of_true_online_td_are_those_worked_by_hand():
 # The theorem: TD-conj is TD with a lambda that varies
 
 
-class Watched(Conjugate):
-    """A rule that keeps the value that it had before clipping."""
-
-    def __call__(self, **step):
-        self.raw = Conjugate(self.form, clip=False)(**step)
-        return super().__call__(**step)
-
-
 @pytest.mark.parametrize("form", FORMS)
 @settings(deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), discount=st.floats(0.1, 1), variety=st.sampled_from([0.05, 0.2, 1]))
@@ -105,18 +101,20 @@ def test_conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is
     # The less features and rewards vary, the longer lambda stays in the unit interval.
     x, r = random_stream(seed)
     x, r = 1 + variety * x, 1 + variety * r
-    rule = Watched(form)
-    by_trace = make(n=8, step_size=1e-3, discount=discount, lambda_rule=rule)
-    by_gradient = make(ConjugateTD, n=8, step_size=1e-3, discount=discount, lambda_rule=Conjugate(form))
+    raw = [0.0]
+    by_trace = make(
+        n=8, step_size=1e-3, discount=discount, lambda_rule=lambda **s: raw.append(RULES[form](**s)) or raw[-1]
+    )
+    by_gradient = make(ConjugateTD, n=8, step_size=1e-3, discount=discount, form=form)
     for t in range(len(r)):
         trace_prev = by_trace.trace
         delta = by_trace.update(x[t], r[t], x[t + 1])
         by_gradient.update(x[t], r[t], x[t + 1])
         difference = delta * by_trace.trace - by_gradient.direction
         scale = 1e-8 * np.linalg.norm(by_gradient.direction)
-        assert by_trace.clipped == (t > 0 and not 0 <= rule.raw <= 1)
+        assert by_trace.clipped == (t > 0 and not 0 <= raw[t] <= 1)
         if by_trace.clipped:
-            clip = by_trace.lambda_ - rule.raw
+            clip = by_trace.lambda_ - raw[t]
             assert difference == pytest.approx(delta * discount * clip * trace_prev, abs=scale)
             return
         assert difference == pytest.approx(0, abs=scale)
@@ -125,7 +123,7 @@ def test_conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is
 
 def test_conjugate_gradient_starts_afresh_after_an_episode_and_after_a_step_without_error():
     for rest in ("episode", "zero error"):
-        learner = make(ConjugateTD, rule="polak-ribiere:unclipped", discount=1.0)
+        learner = make(ConjugateTD, form="polak-ribiere", discount=1.0)
         learner.update([1, 0], 1, [0, 0])
         if rest == "episode":
             learner.begin_episode()
@@ -135,10 +133,64 @@ def test_conjugate_gradient_starts_afresh_after_an_episode_and_after_a_step_with
         assert learner.direction == pytest.approx(delta * np.ones(2))
 
 
-def test_conjugate_gradient_needs_a_conjugate_rule_of_conjugate_sign():
-    for rule in ("fixed:0.9", "hestenes-stiefel:printed"):
-        with pytest.raises(ValueError, match=f"got {rule}"):
-            make(ConjugateTD, rule=rule)
+def test_an_unknown_form_is_refused_with_the_known_ones():
+    for attempt in (lambda: make(ConjugateTD, form="newton"), lambda: beta("newton", *np.ones((3, 2)))):
+        with pytest.raises(ValueError, match="'newton'; known: hestenes-stiefel, fletcher-reeves, polak-ribiere"):
+            attempt()
+
+
+# Clip and guard
+
+
+def ratios(*values):
+    """A rule that returns these, one a step; an exception is raised."""
+    rest = iter(values)
+
+    def rule(**_):
+        value = next(rest)
+        if isinstance(value, Exception):
+            raise value
+        return value
+
+    return rule
+
+
+def lambdas_of(learner, steps):
+    x, r = random_stream(1, n=2, steps=steps)
+    for t in range(steps):
+        learner.update(x[t], r[t], x[t + 1])
+        yield learner.lambda_, learner.clipped
+
+
+@pytest.mark.parametrize("cls", LEARNERS)
+def test_the_learner_resets_any_rule_to_the_unit_interval_and_says_so_of_the_last_step_only(cls):
+    given = (-0.5, 0.25, 1.5, 0.0, 1.0, np.array(2.0))
+    bounded, free = (make(cls, lambda_rule=ratios(*given), clip=clip) for clip in (True, False))
+    assert list(lambdas_of(bounded, 7)) == [
+        (0, False),
+        (0, True),
+        (0.25, False),
+        (1, True),
+        (0, False),
+        (1, False),
+        (1, True),
+    ]
+    assert list(lambdas_of(free, 7)) == [(0, False), *((value, False) for value in given)]
+
+
+@pytest.mark.parametrize("cls", LEARNERS)
+def test_where_a_rule_says_that_its_ratio_is_undefined_lambda_is_on_zero_and_no_clip_is_reported(cls):
+    learner = make(cls, lambda_rule=ratios(ZeroDivisionError(), 0.25, OverflowError()), on_zero=0.75)
+    assert list(lambdas_of(learner, 4)) == [(0, False), (0.75, False), (0.25, False), (0.75, False)]
+
+
+@pytest.mark.parametrize("wrong", [None, "0.9", np.nan, -np.inf, np.ones(2), 1j])
+def test_a_rule_that_returns_no_finite_number_is_named_in_one_line_that_says_what_one_returns(wrong):
+    learner = make(lambda_rule=ratios(wrong))
+    learner.update([1, 0], 1, [0, 1])
+    with pytest.raises(ValueError, match="lambda rule rule returned") as refusal:
+        learner.update([1, 0], 1, [0, 1])
+    assert TAKES_AND_RETURNS in str(refusal.value) and "\n" not in str(refusal.value)
 
 
 # What holds for every learner
@@ -229,6 +281,7 @@ def test_the_step_size_may_change_between_steps():
         ({"discount": np.nan}, r"discount must lie in \[0, 1\], got nan"),
         ({"initial_weight": np.inf}, "initial_weight must be finite, got inf"),
         ({"n": 0}, "at least 1"),
+        ({"on_zero": -1}, r"on_zero must lie in \[0, 1\], got -1"),
     ],
 )
 @pytest.mark.parametrize("cls", LEARNERS)
@@ -245,7 +298,7 @@ def test_a_step_size_out_of_bounds_is_refused_later_too_and_the_old_one_stays():
 
 
 def test_a_number_in_place_of_a_rule_is_refused_with_what_to_write():
-    with pytest.raises(TypeError, match=r"such as Fixed\(0.9\), got 0.9"):
+    with pytest.raises(TypeError, match=r"lambda_rule = 0.9: .* such as lambdas.fletcher_reeves or Fixed\(0.9\)"):
         make(lambda_rule=0.9)
 
 
@@ -272,16 +325,6 @@ def test_a_step_that_is_malformed_or_not_finite_is_refused_and_changes_nothing(c
     assert learner.steps == 0
 
 
-def test_a_rule_whose_lambda_is_not_finite_is_named_as_the_cause():
-    def unguarded(**_):
-        return np.nan
-
-    learner = make(lambda_rule=unguarded)
-    learner.update([1, 0], 1, [0, 1])
-    with pytest.raises(ValueError, match="lambda rule unguarded returned nan"):
-        learner.update([1, 0], 1, [0, 1])
-
-
 # Divergence
 
 
@@ -289,17 +332,16 @@ def test_a_rule_whose_lambda_is_not_finite_is_named_as_the_cause():
 @pytest.mark.parametrize("rule", ["fixed:0.9", "fletcher-reeves:unclipped"])
 @pytest.mark.parametrize("cls", (*LEARNERS, ConjugateTD))
 def test_weights_that_leave_the_finite_numbers_raise_an_error_that_says_when_and_with_what(cls, rule):
-    if cls is ConjugateTD and rule.startswith("fixed"):
-        rule = "polak-ribiere"
     learner = make(cls, rule=rule, step_size=50.0, discount=0.9)
+    name = rule if cls is not ConjugateTD and rule.startswith("fixed") else "fletcher_reeves"
     with np.errstate(all="raise"), pytest.raises(Diverged) as outcome:
         while learner.steps < 10_000:
             assert np.isfinite(learner.weights).all()
             learner.update([1, 0.5], 1, [0.5, 1])
     assert not np.isfinite(learner.weights).all()
     diverged = outcome.value
-    assert (diverged.step, diverged.rule, diverged.step_size) == (learner.steps, rule, 50.0)
-    assert str(diverged) == f"weights not finite after step {learner.steps}, lambda rule {rule}, step size 50.0"
+    assert (diverged.step, diverged.rule, diverged.step_size) == (learner.steps, name, 50.0)
+    assert str(diverged) == f"weights not finite after step {learner.steps}, lambda rule {name}, step size 50.0"
     assert isinstance(diverged, ArithmeticError)
 
 

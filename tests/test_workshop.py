@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -45,12 +46,15 @@ def make(tmp_path):
         (tmp_path / name).mkdir()
     for name in ("homing_lib/td.py", "notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "paper/report.tex"):
         (tmp_path / name).touch()
-    for name in ("environment.lock", "pyproject.toml", ".venv/.locked", ".venv/.ready"):
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    for name in ("environment.lock", "pyproject.toml", f".venv/.locked-{version}", ".venv/.ready"):
         (tmp_path / name).touch()
 
     def make(*arguments: str) -> list[str]:
         (tmp_path / "log").write_text("")
-        done = run("make", *arguments, cwd=tmp_path, path=f"{tmp_path}/bin:{os.environ['PATH']}")
+        done = run(
+            "make", f"PYTHON={sys.executable}", *arguments, cwd=tmp_path, path=f"{tmp_path}/bin:{os.environ['PATH']}"
+        )
         assert done.returncode == 0, done.stderr
         return [line.partition(" --stamp")[0] for line in (tmp_path / "log").read_text().splitlines()]
 
@@ -87,14 +91,46 @@ def test_a_deleted_figure_is_made_again(make, tmp_path):
     assert (tmp_path / "figures/01-a.pdf").exists()
 
 
-def test_without_python_3_11_make_says_so_in_one_line(tmp_path):
+def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
     for name in ("Makefile", "environment.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
     done = run("make", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
     assert done.returncode != 0
-    assert "homing: 'python3.11-missing' is no Python 3.11 with venv; on Debian: apt-get install" in done.stderr
+    assert (
+        "homing: 'python3.11-missing' is no Python 3.11, 3.12 or 3.13 with venv; on Debian: apt-get install"
+        in done.stderr
+    )
     assert len(done.stderr.splitlines()) == 2  # the second is make's own
     assert not (tmp_path / ".venv").exists()
+
+
+def planned(folder: Path, *arguments: str) -> str:
+    """What make would do for an environment, where the first Python that works is 3.12."""
+    for name in ("Makefile", "environment.lock", "pyproject.toml"):
+        shutil.copy(ROOT / name, folder)
+    script(folder / "bin/python3.11", "#!/bin/sh\nexit 127\n")  # as pyenv's, for a version that is not chosen
+    for minor in (12, 13):
+        answer = f"#!/bin/sh\ncase $2 in *python3*) echo python3.{minor} ;; *) echo 3.{minor} ;; esac\n"
+        script(folder / f"bin/python3.{minor}", answer)
+    done = run("make", "-n", *arguments, ".venv/.ready", cwd=folder, path=f"{folder}/bin:{os.environ['PATH']}")
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_first_python_that_answers_is_taken_and_pybullet_alone_compiled_where_it_has_no_wheel(tmp_path):
+    plan = planned(tmp_path)
+    assert "python3.12 -m venv .venv\n" in plan
+    assert "compiling it takes 7 minutes" in plan
+    assert "--only-binary :all: --no-binary pybullet --require-hashes" in plan
+
+
+def test_an_environment_of_another_python_is_made_anew_and_one_of_the_same_is_kept(tmp_path):
+    (tmp_path / ".venv").mkdir()
+    planned(tmp_path)
+    (tmp_path / ".venv/.locked-3.12").touch()
+    (tmp_path / ".venv/.ready").touch()
+    assert "up to date" in planned(tmp_path, "--assume-old=environment.lock", "--assume-old=pyproject.toml")
+    assert "rm -rf .venv\npython3.13 -m venv .venv\n" in planned(tmp_path, "PYTHON=python3.13")
 
 
 @pytest.mark.parametrize("user", [0, 1000])
@@ -107,7 +143,8 @@ def test_without_latex_root_gets_it_and_others_are_told_the_command(user, tmp_pa
     packages = "--no-install-recommends latexmk texlive-latex-recommended lmodern"
     if user == 0:
         assert done.returncode == 0
-        assert (tmp_path / "log").read_text() == f"update -q\ninstall -q -y {packages}\n"
+        wait = "-o DPkg::Lock::Timeout=600"
+        assert (tmp_path / "log").read_text() == f"{wait} update -q\n{wait} install -q -y {packages}\n"
     else:
         assert done.returncode == 1
         assert done.stderr == f"homing: the report needs LaTeX; run: sudo apt-get install {packages}\n"
@@ -123,9 +160,12 @@ def test_notebooks_run_under_the_settings_of_the_makefile():
 def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
     lock = (ROOT / "environment.lock").read_text()
     assert not re.search(r"https?://|file:|--(extra-)?index|--find-links", lock)
-    packages = re.findall(r"^(\S+)==(\S+) \\\n    --hash=sha256:", lock, flags=re.MULTILINE)
+    packages = re.findall(r"^(\S+)==(\S+)(?: ;.*)? \\\n    --hash=sha256:", lock, flags=re.MULTILINE)
     assert len(packages) == len(re.findall(r"^\w", lock, flags=re.MULTILINE))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    wanted = [
+        *project["dependencies"],
+        *(one for name in ("camera", "dev") for one in project["optional-dependencies"][name]),
+    ]
     names = {re.match(r"[\w-]+", dependency)[0].replace("_", "-") for dependency in wanted}
     assert names <= {name for name, _ in packages}

@@ -3,9 +3,9 @@
 A notebook has one cell tagged `parameters`, which reads exactly
 
     profile = "full"  # or "quick"
-    figures_dir = "../figures"
+    figures_dir = None  # a folder to save the figures in
 
-and runs with notebooks/ as its working directory.
+so that by hand it shows its figures and writes nothing, and runs with notebooks/ as its working directory.
 """
 
 import os
@@ -22,10 +22,10 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT
+from homing_lib.storage import ROOT, whole
 
 NOTEBOOKS = ROOT / "notebooks"
-DEFAULTS = {"profile": "full", "figures_dir": "../figures"}
+PARAMETERS = ('profile = "full"', "figures_dir = None")
 # As in the Makefile, so that a notebook run without make gives the same bytes.
 REPRODUCIBLE = {
     "MKL_NUM_THREADS": "1",
@@ -55,23 +55,28 @@ def execute(
 
     source = find(name)
     output_dir = (output_dir or source.parent / "executed").absolute()
-    figures_dir = (figures_dir or source.parent / DEFAULTS["figures_dir"]).resolve()
-    output_dir.mkdir(parents=True, exist_ok=True)
-    figures_dir.mkdir(parents=True, exist_ok=True)
+    figures_dir = (figures_dir or source.parent.parent / "figures").resolve()
+    for folder in (output_dir, figures_dir):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(f"{folder}: no folder to write to ({error.strerror})") from None
 
-    chosen = {"profile": profile, "figures_dir": os.path.relpath(figures_dir, source.parent.resolve())}
+    parameters = {"figures_dir": Path(os.path.relpath(figures_dir, source.parent.resolve())).as_posix()}
+    if profile != "full":
+        parameters["profile"] = profile
     started = time.time_ns()
     with tempfile.TemporaryDirectory() as scratch, _kernel_environment(scratch):
         try:
             executed = papermill.execute_notebook(
                 str(source),
                 None,
-                parameters={key: value for key, value in chosen.items() if value != DEFAULTS[key]},
+                parameters=parameters,
                 kernel_name="python3",
                 language="python",
                 cwd=str(source.parent),
                 progress_bar=sys.stderr.isatty(),
-                config=Config(KernelManager={"transport": "ipc", "ip": f"{scratch}/kernel"}),  # no race for ports
+                config=Config(KernelManager=_channel(scratch)),
                 extra_arguments=["--log-level=CRITICAL"],  # the kernel calls its own shutdown an error
             )
         except PapermillExecutionError as error:
@@ -83,9 +88,8 @@ def execute(
 
     normalise(executed, nbformat.read(source, as_version=4))
     copy = output_dir / source.name
-    beside = copy.with_suffix(".part")
-    nbformat.write(executed, beside)
-    beside.replace(copy)
+    with whole(copy) as part:
+        nbformat.write(executed, part)
     return [copy, *sorted(path for path in figures_dir.iterdir() if path.stat().st_mtime_ns >= started)]
 
 
@@ -149,10 +153,14 @@ def problems(source: Path) -> list[str]:
             f"{source.name}: has outputs; clear them: jupyter nbconvert --clear-output --inplace {source.name}"
         )
     tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
-    needed = [f'{key} = "{value}"' for key, value in DEFAULTS.items()]
-    if len(tagged) != 1 or any(line not in tagged[0] for line in needed):
-        found.append(f"{source.name}: needs one cell tagged 'parameters' that says: {'; '.join(needed)}")
+    if len(tagged) != 1 or any(line not in tagged[0] for line in PARAMETERS):
+        found.append(f"{source.name}: needs one cell tagged 'parameters' that says: {'; '.join(PARAMETERS)}")
     return found
+
+
+def _channel(scratch: str) -> dict[str, str]:
+    """Files rather than ports where there are such, since two kernels that start at once race for a port."""
+    return {} if os.name == "nt" else {"transport": "ipc", "ip": f"{scratch}/kernel"}
 
 
 @contextmanager

@@ -1,49 +1,33 @@
-"""Plots of the studies, in the style of `figures`: many runs, and every number with its 95 % interval.
-
-Where an interval is held against a reference, it is drawn as a blue disc if all of it lies on the good side (below, for
-steps), as an orange square if all of it lies on the bad side, and as an open grey diamond if it holds the reference:
-the shapes are for grey prints.
-"""
+"""Plots of the studies: many runs, and every mean with its 95 % interval. Intervals in rows are in `forests`."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from homing_lib.features import Array
-from homing_lib.publish.figures import (
+from homing_lib.publish.drawing import (
     BLUE,
-    GREEN,
+    DASHED,
     GREY,
     INK,
+    LINES,
     ORANGE,
-    SKY,
     TEXT_WIDTH,
     draw_floor_plan,
-    draw_robot,
+    label_ends,
+    level,
+    plain_log,
     styled,
 )
+from homing_lib.publish.forests import compared, draw_column
 from homing_lib.rooms import Room
-from homing_lib.study.statistics import Interval, band, side
-
-LINES = (
-    (BLUE, "-"),
-    (ORANGE, (0, (4, 1.5))),
-    (GREEN, (0, (1, 1))),
-    (INK, (0, (6, 1.5, 1, 1.5))),
-    ("#CC79A7", (0, (2, 1))),
-    (GREY, (0, (8, 2))),
-    (SKY, "-"),
-)
-"""Colours and dashes of several curves in one panel, in order."""
-
-_MARKS = {"good": ("o", BLUE, BLUE), "bad": ("s", ORANGE, ORANGE), "open": ("D", GREY, "white")}
-
+from homing_lib.study.rules import Rules
+from homing_lib.study.statistics import band
 
 # --- A class's first encounter with lambda ---------------------------------------------------------------------------
 
@@ -57,7 +41,6 @@ def trace_depth(traces: Mapping[str, Array]) -> Figure:
         steps = len(trace)
         edges = np.arange(steps + 1) + 0.5
         shown = axes.pcolormesh(edges, edges, trace.T, vmin=0, vmax=1, cmap="Greys", rasterized=True)
-        axes.plot([0.5, steps + 0.5], [0.5, steps + 0.5], color=BLUE, linewidth=0.8)
         axes.set(title=name, xlabel="step $t$", aspect="equal")
     panels[0].set_ylabel("past step $k$")
     figure.colorbar(shown, ax=list(panels), label="share of $\\phi_k$ in $e_t$", shrink=0.8)
@@ -80,7 +63,7 @@ def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str,
         axes.annotate("first reset", (first_clips[name], 1e-8), (4, 0), textcoords="offset points", rotation=90)
         axes.set(title=name, xlabel="step $t$", yscale="log", ylim=(floor / 3, 1e3), xlim=(1, step[-1]))
         axes.set_xticks(step[:: max(1, step.size // 4)])
-    panels[-1].annotate("reset to [0, 1]", (0.97, 0.93), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
+    panels[-1].annotate("reset to [0, 1]", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
     panels[-1].annotate("as (7) gives it", (0.97, 0.2), xycoords="axes fraction", ha="right", color=BLUE)
     panels[0].set_ylabel("relative distance from $p_t$")
     return figure
@@ -95,6 +78,7 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     figure = plt.figure(figsize=(TEXT_WIDTH, 3.1))
     axes = figure.subplots()
     ends: dict[str, tuple[float, float]] = {}
+    least = (np.inf, "", 0.0)
     for (name, table), (colour, dashes) in zip(errors.items(), LINES, strict=False):
         mean, low, high = band(np.minimum(table, 1e6), np.random.default_rng(0))
         drawn = mean <= top
@@ -104,106 +88,77 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
         axes.fill_between(step_sizes[drawn], low[drawn], np.minimum(high, top)[drawn], color=colour, alpha=0.2, lw=0)
         axes.plot(step_sizes[drawn], mean[drawn], color=colour, linestyle=dashes)
         best = int(np.argmin(mean))
+        least = min(least, (float(mean[best]), name, float(step_sizes[best])))
         axes.plot(step_sizes[best], mean[best], "o", color=colour, markersize=4)
         last = int(np.flatnonzero(drawn)[-1])
         ends[name] = step_sizes[last], float(mean[last])
     axes.set(xlabel="step size $\\alpha$", ylabel=ylabel, xscale="log", ylim=(None, top))
-    axes.set_title("dots: each rule at its best step size; bands: 95 % intervals of the mean")
+    axes.set_title(f"Least with {least[1]}: {least[0]:.2f} at {least[2]:g} (dots: the best step size of each)")
     axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
     axes.minorticks_off()
-    _label_ends(axes, ends, [colour for colour, _ in LINES])
+    label_ends(axes, ends)
     return figure
 
 
 @styled
 def curves(
     panels: Mapping[str, Mapping[str, Array]],
-    ylabel: str,
+    ylabel: str | Sequence[str],
     *,
     levels: Mapping[str, float] | None = None,
     log: bool = True,
-    shared: bool = True,
     each: int = 1,
 ) -> Figure:
     """Mean and 95 % interval over the runs, by episode. panels: tables of shape (runs, episodes) by title and label.
 
-    levels: horizontal lines by name, drawn in every panel; each: how many episodes a column of the tables stands for.
+    ylabel: of all panels, which then share their scale, or one each; levels: horizontal lines by name, drawn in every
+    panel; each: how many episodes a column of the tables stands for.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.7))
+    shared = isinstance(ylabel, str)
     grid = np.atleast_1d(figure.subplots(1, len(panels), sharey=shared))
-    for axes, (title, tables) in zip(grid, panels.items(), strict=True):
-        ends: dict[str, tuple[float, float]] = {}
-        for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
-            mean, low, high = band(table, np.random.default_rng(0))
-            episode = each * np.arange(mean.size) + (each + 1) / 2
-            axes.fill_between(episode, low, high, color=colour, alpha=0.2, linewidth=0)
-            axes.plot(episode, mean, color=colour, linestyle=dashes)
-            ends[name] = float(episode[-1]), float(mean[-1])
-        axes.set(title=title, xlabel="episode", xlim=(1, None))
-        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    alike = len({tuple(tables) for tables in panels.values()}) == 1
+    for place, (axes, (title, tables)) in enumerate(zip(grid, panels.items(), strict=True)):
+        ends = _learning(axes, tables, each)
+        axes.set_title(title)
         if log:
             axes.set_yscale("log")
-            _plain_log(axes, "y")
-        for name, level in (levels or {}).items():
-            axes.axhline(level, color=INK, linestyle=(0, (5, 2)), linewidth=0.8)
-            axes.annotate(name, (0.02, level), (0, 2), xycoords=("axes fraction", "data"), textcoords="offset points")
-        _label_ends(axes, ends, [colour for colour, _ in LINES])
-    grid[0].set_ylabel(ylabel)
+            plain_log(axes, "y")
+        for name, value in (levels or {}).items():
+            level(axes, value, name)
+        if place == len(grid) - 1 or not alike:  # once is enough where every panel shows the same
+            label_ends(axes, ends)
+        if not shared or place == 0:
+            axes.set_ylabel(ylabel if isinstance(ylabel, str) else ylabel[place])
     return figure
 
 
-# --- Intervals --------------------------------------------------------------------------------------------------------
-
-
-class Column(NamedTuple):
-    """A column of a forest plot: intervals by row, what they are, and what they are held against.
-
-    also: a second estimate of each row, drawn as a bar across. text: how numbers are written beside a single column.
-    more: more is better.
-    """
-
-    label: str
-    intervals: Mapping[str, Interval]
-    reference: float | None = None
-    log: bool = False
-    also: Mapping[str, float] | None = None
-    text: str = ".0f"
-    more: bool = False
-
-    def mark(self, found: Interval) -> tuple[str, str, str]:
-        """Shape, edge and face of an interval."""
-        where = "below" if self.reference is None else side(found, self.reference)
-        return _MARKS["open" if where == "open" else "bad" if (where == "above") != self.more else "good"]
+def _learning(axes: Axes, tables: Mapping[str, Array], each: int = 1) -> dict[str, tuple[float, float]]:
+    """Draw mean and interval by episode; returns where each curve ends."""
+    ends = {}
+    for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
+        mean, low, high = band(table, np.random.default_rng(0))
+        episode = each * np.arange(mean.size) + (each + 1) / 2
+        axes.fill_between(episode, low, high, color=colour, alpha=0.2, linewidth=0)
+        axes.plot(episode, mean, color=colour, linestyle=dashes)
+        ends[name] = float(episode[-1]), float(mean[-1])
+    axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return ends
 
 
 @styled
-def forest(*columns: Column, height: float = 0.19, shared: bool = False) -> Figure:
-    """Rows of intervals, in one column or several; shared: columns on the same scale."""
-    rows = list(columns[0].intervals)
-    figure = plt.figure(figsize=(TEXT_WIDTH, 0.75 + height * len(rows)))
-    grid = np.atleast_1d(figure.subplots(1, len(columns), sharex=shared, sharey=True))
-    for axes, column in zip(grid, columns, strict=True):
-        for place, row in enumerate(rows):
-            if row not in column.intervals:
-                continue
-            found = column.intervals[row]
-            shape, edge, face = column.mark(found)
-            axes.hlines(place, found.low, found.high, color=edge, linewidth=1.6)
-            axes.plot(found.value, place, shape, color=edge, markerfacecolor=face, markersize=4.5)
-            if column.also and row in column.also:
-                axes.plot(column.also[row], place, "|", color=INK, markersize=8, markeredgewidth=1.2)
-            if len(columns) == 1:
-                text = f"{found:{column.text}}"
-                axes.text(1.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
-        if column.reference is not None:
-            axes.axvline(column.reference, color=INK, linestyle=(0, (5, 2)), linewidth=0.8, zorder=0)
-        axes.set(xlabel=column.label, ylim=(len(rows) - 0.4, -0.6))
-        if column.log:
-            axes.set_xscale("log")
-            _plain_log(axes, "x", narrow=len(columns) > 1)
-        axes.grid(axis="y", color=GREY, alpha=0.25, linewidth=0.5)
-        axes.tick_params(axis="y", length=0)
-    grid[0].set_yticks(range(len(rows)), rows)
+def rules(found: Rules) -> Figure:
+    """How rules learn, and the late steps of each as a multiple of the first's, marked by the verdict."""
+    first, seeds = next(iter(found.steps)), len(next(iter(found.steps.values())))
+    figure = plt.figure(figsize=(TEXT_WIDTH, 2.5))
+    learning, against = figure.subplots(1, 2, width_ratios=[1.4, 1])
+    ends = _learning(learning, found.steps)
+    learning.set(title=f"mean of {seeds} seeds", ylabel="steps per episode", yscale="log")
+    plain_log(learning, "y")
+    label_ends(learning, ends)
+    draw_column(against, compared(f"late steps / those of {first}", found.verdicts), list(found.verdicts), narrow=True)
+    against.set_yticks(range(len(found.verdicts)), list(found.verdicts))
     return figure
 
 
@@ -211,7 +166,7 @@ def forest(*columns: Column, height: float = 0.19, shared: bool = False) -> Figu
 def heat_map(
     rows: Sequence[str], columns: Sequence[str], values: Array, notes: Mapping[tuple[int, int], str]
 ) -> Figure:
-    """Steps by rule and step size, written into the cells; notes: a second line of a cell, such as its divergences."""
+    """Steps by rule and step size, written into the cells; notes: what stands behind, such as how many diverged."""
     figure = plt.figure(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
     axes = figure.subplots()
     shown = axes.pcolormesh(values, norm=LogNorm(), cmap="cividis_r", edgecolor="white", linewidth=0.8)
@@ -219,22 +174,15 @@ def heat_map(
     best = values.argmin(axis=1)
     for (row, column), value in np.ndenumerate(values):
         text = f"{value:.0f}" + (f"  ({notes[row, column]})" if (row, column) in notes else "")
-        axes.text(
-            column + 0.5,
-            row + 0.5,
-            text,
-            ha="center",
-            va="center",
-            fontsize=7,
-            color="white" if value > middle else INK,
-            weight="bold" if best[row] == column else "normal",
-        )
+        colour, weight = "white" if value > middle else INK, "bold" if best[row] == column else "normal"
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=7, color=colour, weight=weight)
     axes.set_yticks(np.arange(len(rows)) + 0.5, rows)
     axes.set_xticks(np.arange(len(columns)) + 0.5, columns)
     axes.set(xlabel="initial step size $\\alpha_0$", ylim=(len(rows), 0))
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    figure.colorbar(shown, label="steps an episode").ax.yaxis.set_major_formatter("{x:g}")
+    axes.set_title("bold: each at its best step size" + ("; in brackets: runs lost" if notes else ""))
+    figure.colorbar(shown, label="steps per episode").ax.yaxis.set_major_formatter("{x:g}")
     return figure
 
 
@@ -262,9 +210,9 @@ def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, s
         axes.set(title=name, yscale="log", ylim=(None, 1.15 * top), xlim=(-0.6, len(by_value) - 0.4))
         crowded = sum(map(len, by_value)) > 20
         axes.set_xticks(range(len(by_value)), list(by_value), fontsize=6 if crowded else 7, rotation=35 * crowded)
-        _plain_log(axes, "y")
+        plain_log(axes, "y")
     for axes in grid[::columns]:
-        axes.set_ylabel("steps an episode")
+        axes.set_ylabel("steps per episode")
     for axes in grid[len(choices) :]:
         axes.set_visible(False)
     return figure
@@ -279,18 +227,20 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     figure = plt.figure(figsize=(0.85 * TEXT_WIDTH, 2.6))
     axes = figure.subplots()
     widest = max(float(np.quantile(error, 0.995)) for error in errors.values())
-    for place, ((name, error), (colour, dashes)) in enumerate(zip(errors.items(), LINES, strict=False)):
-        ordered = np.sort(error)
-        share = 100 * np.arange(1, ordered.size + 1) / ordered.size
-        axes.plot(ordered, share, color=colour, linestyle=dashes)
-        height = 45 + 18 * place
-        at = float(np.quantile(error, height / 100))
-        axes.annotate(name, (at, height), (6, -2), textcoords="offset points", color=colour, va="top", bbox=_GROUND)
-    axes.axvline(band_width, color=INK, linestyle=(0, (5, 2)), linewidth=0.8)
-    axes.annotate("$\\psi_{upper}-\\psi_{lower}$", (band_width, 4), (4, 0), textcoords="offset points")
+    within = {name: float((error < band_width).mean()) for name, error in errors.items()}
+    downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
+    for name, (colour, dashes) in zip(downwards, LINES, strict=False):
+        share = 100 * np.arange(1, errors[name].size + 1) / errors[name].size
+        label = f"{name} ({within[name]:.0%} within the band)"
+        axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)
+    axes.legend(loc="lower right", frameon=False, labelcolor="linecolor", handlelength=3)
+    axes.axvline(band_width, **DASHED)
+    axes.annotate("$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0), textcoords="offset points")
+    least, most = min(within.values()), max(within.values())
     axes.set(
         xlabel="|NRB of the atlas − NRB of the camera|", ylabel="random poses (%)", xlim=(0, widest), ylim=(0, 101)
     )
+    axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
     return figure
 
 
@@ -305,12 +255,10 @@ def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room, label:
     least = min(float(values.min()) for _, _, values in maps.values())
     most = max(float(values.max()) for _, _, values in maps.values())
     for axes, (title, (x, y, values)) in zip(grid, maps.items(), strict=True):
-        draw_floor_plan(axes, room)
         shown = axes.scatter(x, y, c=values, s=95, marker="s", vmin=least, vmax=most, linewidth=0)
-        draw_robot(axes, room.home, 0.07, "white")
-        axes.plot(*room.start[:2], "^", color="white", markeredgecolor=INK, markersize=5)
-        axes.set(title=title, xticks=[], yticks=[])
-        figure.colorbar(shown, ax=axes, label=label, shrink=0.8)
+        draw_floor_plan(axes, room)
+        axes.set_title(f"{title}: mean {values.mean():.0f}")
+    figure.colorbar(shown, ax=list(grid), label=label, shrink=0.8)
     return figure
 
 
@@ -321,48 +269,10 @@ def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Fi
     axes = figure.subplots()
     axes.fill_between(light, 0, 1, where=similarity >= psi_upper, transform=axes.get_xaxis_transform(), color="0.92")
     axes.plot(light, similarity, color=BLUE)
-    axes.axhline(psi_upper, color=INK, linestyle=(0, (5, 2)), linewidth=0.8)
-    axes.annotate(
-        "$\\psi_{upper}$", (0.01, psi_upper), (0, 2), xycoords=("axes fraction", "data"), textcoords="offset points"
-    )
+    level(axes, psi_upper, "$\\psi_{upper}$")
     axes.annotate("passes", (1, 0.05), xycoords=axes.get_xaxis_transform(), ha="center")
     axes.set(xlabel="brightness, as a share of that of the snapshot", ylabel="NRB of home", xlim=(light[0], light[-1]))
+    passing = light[similarity >= psi_upper]
+    if passing.size:
+        axes.set_title(f"Home passes for home from {passing.min():.2f} to {passing.max():.2f} of its brightness")
     return figure
-
-
-# --- Parts ------------------------------------------------------------------------------------------------------------
-
-
-_GROUND = {"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
-
-
-def _label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Sequence[str]) -> None:
-    """Names of curves to the right of their ends, moved apart where they would overlap."""
-    axes.figure.canvas.draw()
-    scale = axes.get_figure().dpi / 72  # type: ignore[union-attr]
-    heights = {name: axes.transData.transform((1, max(y, 1e-12)))[1] / scale for name, (_, y) in ends.items()}
-    tint = dict(zip(ends, colours, strict=False))
-    place = -np.inf
-    for name in sorted(ends, key=lambda name: heights[name]):
-        place = max(heights[name], place + 9.5)
-        axes.annotate(
-            name,
-            ends[name],
-            (5, place - heights[name]),
-            textcoords="offset points",
-            va="center",
-            color=tint[name],
-            annotation_clip=False,
-        )
-
-
-def _plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
-    """A logarithmic axis with 10, 20, 50, 100 written out, and more where it is short."""
-    axis = axes.yaxis if which == "y" else axes.xaxis
-    low, high = axis.get_view_interval()
-    wide = bool(high > (20 if narrow else 8) * low)
-    steps = ((1, 2, 5), (1, 3)) if narrow else ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 2, 5))
-    axis.set_major_locator(LogLocator(subs=steps[wide]))
-    axis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))) if wide or narrow else NullLocator())
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,124 @@
+"""Forest plots: intervals in rows, in one column or several.
+
+A mark says what was found: a blue disc is better, an orange square worse, a full grey diamond comparable, a hollow one
+open. Where a table of verdicts goes with a plot, the marks are by these, never by a second judgement.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, ORANGE, TEXT_WIDTH, plain_log, styled
+from homing_lib.study.claims import Comparison
+from homing_lib.study.statistics import Interval, side
+
+MARKS = {
+    "better": ("o", BLUE, BLUE),
+    "worse": ("s", ORANGE, ORANGE),
+    "comparable": ("D", GREY, GREY),
+    "open": ("D", GREY, "white"),
+}
+"""Shape, edge and face by verdict: told apart in grey, too."""
+
+
+class Column(NamedTuple):
+    """A column of a forest plot: intervals by row, what they are, and what they are held against.
+
+    also: a second estimate of each row, drawn as a bar across. text: how numbers are written beside a single column.
+    more: more is better. words: the verdict on each row, where it is another than the side of the reference on which
+    the interval lies.
+    """
+
+    label: str
+    intervals: Mapping[str, Interval]
+    reference: float | None = None
+    log: bool = False
+    also: Mapping[str, float] | None = None
+    text: str = ".0f"
+    more: bool = False
+    words: Mapping[str, str] | None = None
+
+    def word(self, row: str) -> str | None:
+        """The verdict on a row; None if it is held against nothing."""
+        if self.words is not None:
+            return self.words[row]
+        if self.reference is None:
+            return None
+        where = side(self.intervals[row], self.reference)
+        return "open" if where == "open" else "better" if (where == "above") == self.more else "worse"
+
+
+def compared(label: str, rows: Mapping[str, Comparison]) -> Column:
+    """A column of comparisons, marked by their own words."""
+    return Column(
+        f"{label}\n(marks: interquartile means; bars: means)",
+        {row: found.typical for row, found in rows.items()},
+        1.0,
+        log=True,
+        also={row: found.mean.value for row, found in rows.items()},
+        text=".2f",
+        words={row: found.word for row, found in rows.items()},
+    )
+
+
+@styled
+def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: bool = False) -> Figure:
+    """Rows of intervals, in one column or several; shared: columns on the same scale."""
+    rows = list(columns[0].intervals)
+    figure = plt.figure(figsize=(TEXT_WIDTH, 0.9 + height * len(rows)))
+    grid = np.atleast_1d(figure.subplots(1, len(columns), sharex=shared, sharey=True))
+    for axes, column in zip(grid, columns, strict=True):
+        draw_column(axes, column, rows, narrow=len(columns) > 1)
+    grid[0].set_yticks(range(len(rows)), [_greek(row) for row in rows])
+    grid[0].set_ylabel(ylabel)
+    met = {column.word(row) for column in columns for row in column.intervals}
+    handles = [
+        Line2D([], [], linestyle="", marker=shape, color=edge, markerfacecolor=face, markersize=4.5, label=word)
+        for word, (shape, edge, face) in MARKS.items()
+        if word in met
+    ]
+    if handles and len(columns) > 1:
+        figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), frameon=False, fontsize=7)
+    return figure
+
+
+def draw_column(axes: Axes, column: Column, rows: Sequence[str], *, narrow: bool) -> None:
+    """Draw a column; rows: their order; narrow: no numbers beside it."""
+    for place, row in enumerate(rows):
+        if row not in column.intervals:
+            continue
+        found, word = column.intervals[row], column.word(row)
+        shape, edge, face = MARKS[word] if word else ("o", INK, INK)
+        axes.hlines(place, found.low, found.high, color=edge, linewidth=1.6)
+        axes.plot(found.value, place, shape, color=edge, markerfacecolor=face, markersize=4.5)
+        if column.also and row in column.also:
+            axes.plot(column.also[row], place, "|", color=INK, markersize=8, markeredgewidth=1.2)
+        if not narrow:
+            text = f"{found:{column.text}} {column.words[row] if column.words else ''}"
+            axes.text(1.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
+    if column.reference is not None:
+        axes.axvline(column.reference, **DASHED, zorder=0)
+    if column.words:
+        counts = ((sum(found == word for found in column.words.values()), word) for word in MARKS)
+        axes.set_title(", ".join(f"{count} {word}" for count, word in counts if count))
+    axes.set(xlabel=column.label, ylim=(len(rows) - 0.4, -0.6))
+    if column.log:
+        axes.set_xscale("log")
+        plain_log(axes, "x", narrow=narrow)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    axes.grid(axis="y", color=GREY, alpha=0.25, linewidth=0.5)
+    axes.tick_params(axis="y", length=0)
+
+
+def _greek(label: str) -> str:
+    """Symbols as the paper sets them."""
+    for name, symbol in (("alpha_0", "α₀"), ("epsilon_0", "ε₀"), ("theta_0", "θ₀"), ("sigma^2", "σ²"), ("tau ", "τ ")):
+        label = label.replace(name, symbol)
+    return label

@@ -1,0 +1,213 @@
+"""Without PyBullet everything runs but the camera, and that says so in one line."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from homing_lib import compact
+from homing_lib.agent import run
+from homing_lib.atlas import Lattice, camera_available
+from homing_lib.environment import HomingEnv
+from homing_lib.errors import UserError
+from homing_lib.rooms import PAPER
+from homing_lib.settings import Settings
+
+ROOT = Path(__file__).parent.parent
+SETTINGS = Settings(images="compact", episodes=2)
+
+WITHOUT = "import sys\nsys.modules['pybullet'] = None\n"
+"""As where it is not installed."""
+
+
+def python(program: str) -> str:
+    """What a new process says on its output."""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+# Without PyBullet
+
+
+def test_importing_the_library_loads_no_simulator():
+    modules = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for path in ROOT.glob("homing_lib/**/*.py")
+        if path.stem not in ("arena", "__main__")
+    ]
+    assert "homing_lib.study.measures" in modules
+    program = f"import importlib, sys\nfor name in {modules}: importlib.import_module(name)\nprint(*sys.modules)"
+    loaded = python(program).split()
+    assert set(modules) - {name for name in modules if name.endswith("__init__")} <= set(loaded)
+    assert not {"pybullet", "homing_lib.arena"} & set(loaded)
+
+
+def test_ten_robots_learn_on_the_compact_atlas_without_pybullet_as_they_do_with_it():
+    program = """
+from homing_lib.agent import run
+from homing_lib.settings import Settings
+for seed in range(10):
+    result = run(Settings(images="compact"), seed)
+    print(seed, result.reached.sum(), *result.lengths)
+"""
+    here = python(program)
+    assert python(WITHOUT + program) == here
+    reached = [int(line.split()[1]) for line in here.splitlines()]
+    assert len(reached) == 10
+    assert min(reached) >= 15  # of 20 episodes
+
+
+def test_the_environment_drives_without_pybullet():
+    program = """
+import gymnasium, homing_lib
+env = gymnasium.make("homing/UTurn-v0", images="compact", observation="features", start="uniform", survey_steps=100)
+phi, info = env.reset(seed=1)
+print(phi.shape, *(env.step(action)[4]["action"] for action in (0, 1, 2)))
+"""
+    assert python(WITHOUT + program) == "(258,) 0 1 2\n"
+
+
+REFUSED = {
+    "run": "main(['run'])",
+    "environment": "report(lambda: HomingEnv())",
+    "atlas": "report(lambda: open_atlas(PAPER, Settings(images='atlas'), Path('nowhere')))",
+    "rendering": "env.reset(); report(env.render)",
+    "film": "main(['film'])",
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_without_pybullet_the_camera_is_refused_in_one_line_with_the_remedy(what):
+    program = f"""
+from pathlib import Path
+from homing_lib.__main__ import main
+from homing_lib.atlas import camera_available, open_atlas
+from homing_lib.environment import HomingEnv
+from homing_lib.errors import UserError
+from homing_lib.rooms import PAPER
+from homing_lib.settings import Settings
+def report(attempt):
+    try:
+        attempt()
+    except UserError as error:
+        print("homing:", error, file=sys.stderr)
+assert not camera_available()
+env = HomingEnv(images="compact", observation="features", render_mode="rgb_array")
+sys.stderr = sys.stdout
+{REFUSED[what]}
+"""
+    (line,) = python(WITHOUT + program).splitlines()
+    assert line.startswith('homing: the camera needs PyBullet, which is not installed; choose images="compact"')
+    assert "pip install pybullet" in line
+
+
+@pytest.mark.skipif(not camera_available(), reason="needs PyBullet")
+def test_an_atlas_that_was_built_elsewhere_is_looked_up_without_pybullet(tmp_path):
+    program = """
+from pathlib import Path
+from homing_lib import atlas
+from homing_lib.rooms import PAPER
+from homing_lib.settings import Settings
+settings = Settings(images="atlas", image_size=8, atlas_spacing_m=0.1, atlas_heading_deg=90)
+{before}
+print(atlas.open_atlas(PAPER, settings, Path("{folder}"), workers=1).histogram(PAPER.home).sum())
+"""
+    other = 'atlas._version = lambda package: "none"'  # as the name has it where there is no package
+    once = python(program.format(before="", folder=tmp_path.as_posix()))
+    assert python(WITHOUT + program.format(before=other, folder=tmp_path.as_posix())) == once
+
+
+# The compact atlas
+
+
+@pytest.fixture(scope="module")
+def held():
+    """What the file says and holds."""
+    return compact.read()
+
+
+def test_the_compact_atlas_is_small_and_says_what_it_holds(held):
+    header, arrays = held
+    assert compact.FILE.stat().st_size < 4e6
+    settings = Settings(**header["settings"])
+    lattice = Lattice(PAPER, settings)
+    assert settings == compact.SETTINGS.with_changes(images="camera")
+    assert (header["x0"], header["y0"]) == lattice.pose(0, 0, 0)[:2]
+    assert arrays["clearance_m"].shape == (lattice.nx, lattice.ny)
+    free = (arrays["clearance_m"] >= -header["margin_m"]).sum()
+    assert arrays["infrared_m"].shape == (free, lattice.headings, 8)
+    counts = 256 * arrays["counts_high"].astype(int) + arrays["counts_low"]
+    assert counts.shape == (free, lattice.headings, settings.n_features)
+    assert (counts.reshape(free, lattice.headings, 3, -1).sum(axis=3) == settings.image_size**2).all()
+
+
+def test_the_compact_atlas_is_what_the_camera_sees_to_the_bit(arena):
+    atlas, lattice = compact.open_compact(PAPER, SETTINGS), Lattice(PAPER, compact.SETTINGS)
+    rng = np.random.default_rng(0)
+    for i, j, k in rng.integers((lattice.nx - 1, lattice.ny - 1, lattice.headings), size=(150, 3)):
+        pose = lattice.pose(int(i), int(j), int(k))
+        assert atlas.clearance_m[i, j] == arena.clearance(*pose[:2])
+        assert np.array_equal(atlas.histogram(pose), arena.histogram(pose))
+        assert np.array_equal(atlas.infrared(pose), arena.infrared(pose))
+
+
+def test_written_again_it_is_the_same_to_the_byte_and_a_run_on_it_is_one_on_the_atlas_it_was_made_from(
+    arena, tmp_path, monkeypatch
+):
+    settings = SETTINGS.with_changes(
+        image_size=16, atlas_spacing_m=0.1, atlas_heading_deg=60, survey_steps=50, max_steps=60
+    )
+    on_atlas = settings.with_changes(images="atlas")
+    monkeypatch.setattr("homing_lib.atlas.FOLDER", tmp_path)
+    once, again = tmp_path / "once.atlas", tmp_path / "again.atlas"
+    for path in (once, again):
+        compact.write(path, on_atlas)
+    assert once.read_bytes() == again.read_bytes()
+    monkeypatch.setattr(compact, "FILE", once)
+    assert run(settings, 3).steps.tobytes() == run(on_atlas, 3).steps.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"bin_size": 4}, 'images = compact holds the paper\'s room with bin_size = 3, not 4; use images="atlas"'),
+        ({"light": 0.97}, "images = compact holds the paper's room with light = 1.0, not 0.97; use"),
+        ({"room": "attic"}, "images = compact holds the paper's room with room = paper, not attic; use"),
+        ({"atlas_spacing_m": 0.03}, "images = compact holds the paper's room with atlas_spacing_m = 0.04, not 0.03;"),
+        ({"observation": "image"}, 'observation = "image": an atlas holds histograms only'),
+    ],
+)
+def test_the_compact_atlas_stands_in_for_no_other(changes, line):
+    with pytest.raises(UserError) as refusal:
+        HomingEnv(SETTINGS, **{"observation": "features", **changes})
+    assert str(refusal.value).startswith(line)
+    assert "\n" not in str(refusal.value)
+
+
+def test_its_own_lattice_may_be_asked_for_by_name():
+    HomingEnv(SETTINGS, observation="features", atlas_spacing_m=0.04, atlas_heading_deg=20).close()
+
+
+@pytest.mark.parametrize("harm", ["missing", "truncated", "one byte", "emptied", "no such thing", "other room"])
+def test_a_harmed_compact_atlas_is_one_line(harm, tmp_path, monkeypatch):
+    path = tmp_path / "compact.atlas"
+    content = bytearray(compact.FILE.read_bytes())
+    if harm == "truncated":
+        content = content[: len(content) // 2]
+    elif harm == "one byte":
+        content[len(content) // 2] ^= 1
+    elif harm in ("emptied", "no such thing"):
+        content = bytearray(b"<html>" if harm == "no such thing" else b"")
+    if harm != "missing":
+        path.write_bytes(content)
+    if harm == "other room":
+        monkeypatch.setattr(compact, "hashed", lambda room: "otherwise")
+    monkeypatch.setattr(compact, "FILE", path)
+    with pytest.raises(UserError) as refusal:
+        HomingEnv(SETTINGS, observation="features")
+    kind = {"missing": "missing", "other room": "outdated"}.get(harm, "damaged")
+    assert str(refusal.value).startswith(f"{path}: {kind} file")
+    assert "\n" not in str(refusal.value)
