@@ -91,7 +91,7 @@ INSTALLED = """
 import sys
 from homing_lib.__main__ import main
 from homing_lib.study import runs, studies
-assert [main([command]) for command in ("settings", "summary", "verify")] == [0, 1, 1]
+assert [main(command.split()) for command in ("settings", "summary", "verify", "notebook 03-homing")] == [0, 1, 1, 1]
 try:
     runs.load_table(studies.LAMBDA)
 except runs.UserError as error:
@@ -111,11 +111,11 @@ def test_installed_without_its_repository_the_package_says_in_one_line_what_is_m
         text=True,
         check=False,
     )
-    files = [Path("headline"), Path("headline"), Path("lambda.parquet")]
+    files = ["data/headline", "data/headline", "notebooks", "data/lambda.parquet"]
     lines = done.stderr.splitlines()
     assert len(lines) == len(files), done.stderr
     for line, file in zip(lines, files, strict=True):
-        assert line.startswith(f"homing: {here / 'data' / file}")
+        assert line.startswith(f"homing: {here / file}")
         assert f": missing, for neither {here} nor a folder above it, nor where homing_lib is installed, is a" in line
         assert line.endswith("; clone it and work there")
     assert list(here.iterdir()) == []

@@ -22,7 +22,7 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT, whole
+from homing_lib.storage import ROOT, missing, whole
 
 NOTEBOOKS = ROOT / "notebooks"
 PARAMETERS = ('profile = "full"', "figures_dir = None")
@@ -99,7 +99,7 @@ def find(name: str) -> Path:
         if path.suffix == ".ipynb" and path.is_file():
             return path
     known = ", ".join(sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb")))
-    raise UserError(f"no notebook '{name}'; there are: {known}")
+    raise UserError(f"no notebook '{name}'; there are: {known}") if known else missing(NOTEBOOKS, "no notebooks there")
 
 
 def normalise(executed: Notebook, source: Notebook) -> None:
