@@ -108,7 +108,9 @@ class Atlas:
 
     def view(self, number: int) -> Array:
         """Scaled histograms of the lattice pose with this number, shape (3 B,)."""
-        return self._views[number] / self._pixels
+        view: Array = self._views[number].astype(np.float64)  # first, since dividing integers is slower
+        view /= self._pixels
+        return view
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that the sensors see at the nearest lattice pose, shape (8,)."""
