@@ -90,9 +90,11 @@ class Atlas:
     def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
         self.lattice = lattice
         self.counts, self.infrared_m, self.clearance_m = counts, infrared_m, clearance_m
+        self._views = counts.reshape(-1, counts.shape[2])
+        self._readings = infrared_m.reshape(len(self._views), -1)
         self._pixels = int(counts[0, 0].sum()) // 3
         position = np.full(clearance_m.shape, -1)
-        position[clearance_m >= -lattice.margin] = np.arange(len(counts))
+        position[clearance_m >= -lattice.margin] = np.arange(len(counts)) * lattice.headings
         # Python's own numbers and lists: for one item they are quicker than arrays.
         self._position: list[list[int]] = position.tolist()
         self._clearance: list[list[float]] = clearance_m.tolist()
@@ -102,11 +104,17 @@ class Atlas:
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
-        return self.counts[self._index(pose)] / self._pixels
+        return self.view(self.nearest(pose))
+
+    def view(self, number: int) -> Array:
+        """Scaled histograms of the lattice pose with this number, shape (3 B,)."""
+        view: Array = self._views[number].astype(np.float64)  # first, since dividing integers is slower
+        view /= self._pixels
+        return view
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that the sensors see at the nearest lattice pose, shape (8,)."""
-        return self.infrared_m[self._index(pose)]
+        return self._readings[self.nearest(pose)]
 
     def clearance(self, x: float, y: float) -> float:
         """Metres to the nearest obstacle, interpolated linearly between the four lattice positions around."""
@@ -119,12 +127,13 @@ class Atlas:
         low, high = self._clearance[i], self._clearance[i + 1]
         return (1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1])
 
-    def _index(self, pose: Pose) -> tuple[int, int]:
+    def nearest(self, pose: Pose) -> int:
+        """The number of the nearest lattice pose: 0, 1, ... in the order of `counts`."""
         x, y, heading = pose
         position = self._position[round((x - self._x0) * self._per_metre)][round((y - self._y0) * self._per_metre)]
         if position < 0:
             raise ValueError(f"pose ({x:.3f}, {y:.3f}): the atlas has no view from there, the robot cannot stand there")
-        return position, round((heading - self._heading0) * self._per_radian) % self._headings
+        return position + round((heading - self._heading0) * self._per_radian) % self._headings
 
     def close(self) -> None:
         """Nothing to free; an arena has."""

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from homing_lib.errors import UserError
-from homing_lib.features import HomeModel, difference_variance, histogram, similarity
+from homing_lib.features import Array, HomeModel, difference_variance, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
@@ -19,6 +19,7 @@ from homing_lib.thresholds import stopping_thresholds
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
+    from homing_lib.atlas import Atlas
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
 """The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges per step."""
@@ -167,15 +168,19 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._top_view: Image | None = None
         self._under_way = self._closed = False
 
+        self.world: World
         self._arena: Arena | None = None
+        self._atlas: Atlas | None = None
+        self._features: dict[int, tuple[Array, float]] = {}
+        self._features_of: HomeModel | None = None
         if settings.images == "atlas":
             from homing_lib.atlas import open_atlas
 
-            self.world: World = open_atlas(self.room, settings)
+            self.world = self._atlas = open_atlas(self.room, settings)
         elif settings.images == "compact":
             from homing_lib.compact import open_compact
 
-            self.world = open_compact(self.room, settings)
+            self.world = self._atlas = open_compact(self.room, settings)
         else:
             from homing_lib import arena
 
@@ -258,9 +263,25 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             image = self._arena.image(self._robot.pose)
             self._similarity = similarity(self.model.features(histogram(image, self.settings.bin_size)))
             return np.ascontiguousarray(image[:, :, :3])
+        if self._atlas is not None:
+            features, self._similarity = self._looked_up(self._atlas, self._atlas.nearest(self._robot.pose))
+            return features.copy()
         features = self.model.features(self.world.histogram(self._robot.pose))
         self._similarity = similarity(features)
         return features
+
+    def _looked_up(self, atlas: "Atlas", number: int) -> tuple[Array, float]:
+        """Features and similarity at a lattice pose; they are the same whenever the robot comes by."""
+        assert self.model is not None
+        if self._features_of is not self.model:
+            self._features, self._features_of = {}, self.model
+        known = self._features.get(number)
+        if known is None:
+            features = self.model.features(atlas.view(number))
+            known = features, similarity(features)
+            if len(self._features) < _REMEMBERED:
+                self._features[number] = known
+        return known
 
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
         robot = self._robot
@@ -297,6 +318,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             )
         return Pose(x, y, wrapped(heading))
 
+
+_REMEMBERED = 10_000
+"""Views of an atlas whose features an environment keeps: some 20 MB."""
 
 _SURVEYS: dict[str, HomeModel] = {}
 """What this process has found out about homes, by all that it depends on."""

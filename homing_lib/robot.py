@@ -48,11 +48,12 @@ def wrapped(angle: float) -> float:
 
 def arc(pose: Pose, left: float, right: float, wheel_base: float) -> Pose:
     """The pose after the wheels rolled `left` and `right` metres without slip, at a constant ratio of speeds."""
+    x, y, heading = pose
     turn = (right - left) / wheel_base
     half = turn / 2
     chord = (left + right) / 2 * (sin(half) / half if half else 1.0)
-    direction = pose.heading + half
-    return Pose(pose.x + chord * cos(direction), pose.y + chord * sin(direction), wrapped(pose.heading + turn))
+    direction = heading + half
+    return Pose(x + chord * cos(direction), y + chord * sin(direction), wrapped(heading + turn))
 
 
 def drive(
@@ -68,8 +69,8 @@ def drive(
         return arc(pose, left, right, wheel_base), False
 
     def touches(share: float) -> bool:
-        there = arc(pose, share * left, share * right, wheel_base)
-        return clearance(there.x, there.y) < 0
+        x, y, _ = arc(pose, share * left, share * right, wheel_base)
+        return clearance(x, y) < 0
 
     blocked = next((share for share in (0.25, 0.5, 0.75, 1.0) if touches(share)), None)
     if blocked is None:
