@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homing_lib import lambdas
-from homing_lib.environment import HomingEnv, survey
+from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
-from homing_lib.features import Array, HomeModel, similarity
+from homing_lib.features import Array, similarity
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.settings import Settings
@@ -190,10 +190,7 @@ class Run:
         return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
 
 
-_REFERENCES: dict[str, type[RandomAgent]] = {
-    "random": RandomAgent,
-    "climb": ClimbingAgent,
-}
+_REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": ClimbingAgent}
 
 
 def run(
@@ -209,19 +206,16 @@ def run(
     after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
     (not if the run diverged).
     """
-    survey_rng, agent_rng, world_seed = _streams(seed)
-    with HomingEnv(settings, observation="features") as env:
-        key = (str(settings.of_scope("view", "lattice", "survey")), seed)
-        if key not in _surveys:
-            _surveys[key] = survey(env.world, settings, env.home, survey_rng)
-        env.model = _surveys[key]
+    survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
+    agent_rng = np.random.default_rng(agent_seed)
+    with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
         if settings.controller == "sarsa":
             agent: Agent = SarsaAgent(settings, agent_rng, lambda_rule)
         elif lambda_rule is None:
             agent = _REFERENCES[settings.controller](settings, agent_rng)
         else:
             raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
-        env.reset(seed=world_seed)
+        env.reset(seed=int(world_seed.generate_state(1)[0]))
         episodes, reached, diverged = [], [], 0
         for number in range(1, settings.episodes + 1):
             agent.begin_episode(number)
@@ -243,13 +237,3 @@ def run(
         np.array(reached, dtype=bool),
         diverged,
     )
-
-
-_surveys: dict[tuple[str, int], HomeModel] = {}
-"""Surveys already made in this process: runs of one seed that differ in how they learn share theirs."""
-
-
-def _streams(seed: int) -> tuple[np.random.Generator, np.random.Generator, int]:
-    """Independent random numbers for the survey, the agent and the world, all from one seed."""
-    survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
-    return np.random.default_rng(survey_seed), np.random.default_rng(agent_seed), int(world_seed.generate_state(1)[0])
