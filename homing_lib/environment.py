@@ -110,7 +110,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ```python
     >>> import gymnasium, homing_lib
-    >>> env = gymnasium.make("homing/UTurn-v0", observation="features", start="uniform", survey_steps=100)
+    >>> env = gymnasium.make("homing/UTurn-v0", observation="features", images="compact", start="uniform")
     >>> phi, info = env.reset(seed=1)
     >>> phi.shape, info["action"], info["at_wall"]
     ((258,), -1, False)

@@ -231,7 +231,7 @@ def test_what_is_no_rule_is_refused_in_one_line_that_says_what_a_rule_takes_and_
 
 def test_who_does_not_learn_has_no_use_for_a_rule():
     with pytest.raises(UserError, match="controller = 'random' has no use for one"):
-        run(SHORT.with_changes(controller="random"), 1, lambda_rule=fletcher_reeves)
+        run(SHORT.with_changes(controller="random", images="compact"), 1, lambda_rule=fletcher_reeves)
 
 
 def test_overwriting_the_features_shows_the_lambda_rule_this_steps_for_those_of_the_step_before():

@@ -14,7 +14,7 @@ from homing_lib.settings import Settings
 from homing_lib.study.runs import load
 
 ROOT = Path(__file__).parent.parent
-TINY = ["--set", "episodes=2", "--set", "survey_steps=20", "--set", "max_steps=10"]
+TINY = ["--set", "images=compact", "--set", "episodes=2", "--set", "survey_steps=20", "--set", "max_steps=10"]
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_one_run_prints_its_episodes_and_is_stored_where_it_is_told(tmp_path, ca
     assert main(["run", "--seed", "3", *TINY, "--out", str(path)]) == 0
     assert capsys.readouterr().out == "steps per episode: 10 10\nhome reached in 0 of 2 episodes\n"
     stored = load(path)
-    assert (stored.seed, stored.settings) == (3, Settings(episodes=2, survey_steps=20, max_steps=10))
+    assert (stored.seed, stored.settings) == (3, Settings(images="compact", episodes=2, survey_steps=20, max_steps=10))
 
 
 def test_one_run_that_diverges_says_in_which_episode(capsys):

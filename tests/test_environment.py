@@ -104,6 +104,7 @@ def test_the_checker_of_stable_baselines_3_passes_it_without_a_warning_and_its_d
 
 
 def test_the_name_is_known_after_import_of_the_package_which_does_not_load_the_simulator():
+    pytest.importorskip("pybullet", reason="needs PyBullet")
     code = """
 import sys, gymnasium, homing_lib
 assert "homing/UTurn-v0" in gymnasium.registry
