@@ -24,7 +24,7 @@ BOUND_US = 12.0
 def episode(cls: type[LinearSarsa], rule: str, **options: str) -> Callable[[], None]:
     """A block of updates on features in [0, 1], like those of the homing agent."""
     x = list(np.random.default_rng(0).random((STEPS + 1, FEATURES)))
-    learner = cls(FEATURES, ACTIONS, step_size=1e-5, discount=1.0, lambda_rule=parse(rule), **options)
+    learner = cls(FEATURES, ACTIONS, step_size=1e-5, discount=1.0, lambda_rule=parse(rule).rule, **options)
 
     def block() -> None:
         learner.begin_episode()
