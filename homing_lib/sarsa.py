@@ -89,6 +89,7 @@ class LinearSarsa:
         self.clip, self.on_zero = clip, unit_interval("on_zero", on_zero)
         self.bootstrap_terminal = bootstrap_terminal
         self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
+        self._shape = (n_features,)
         self._theta_of = list(self._theta)  # views of its rows: theta(a) without making one at each step
         self.steps = 0
         self.change = 0.0
@@ -202,7 +203,8 @@ class LinearSarsa:
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
-        raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {ratio!r}; {TAKES_AND_RETURNS}")
+        told = " ".join(repr(ratio)[:60].split())
+        raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {told}; {TAKES_AND_RETURNS}")
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
@@ -221,8 +223,8 @@ class LinearSarsa:
     def _features(self, name: str, phi: ArrayLike | None) -> Array:
         """The feature vector as an array of floats, or ValueError unless its shape is (n,)."""
         x = np.asarray(phi, np.float64)
-        if x.shape != self._theta.shape[1:]:
-            raise ValueError(f"{name} must have shape {self._theta.shape[1:]}, got {x.shape}")
+        if x.shape != self._shape:
+            raise ValueError(f"{name} must have shape {self._shape}, got {x.shape}")
         return x
 
     def _action(self, name: str, action: Any) -> int:
@@ -268,5 +270,5 @@ def linear(name: str, weights: Array, phi: Array) -> float:
     """Eq. (2), theta^T phi. ValueError if phi is not finite: an infinite value of finite features is divergence."""
     value: float = dot(weights, phi)
     if not isfinite(value) and not np.isfinite(phi).all():
-        raise ValueError(f"{name} must be finite, got {phi}")
+        raise ValueError(f"{name} must be finite, got {phi[~np.isfinite(phi)][0]} among its components")
     return value
