@@ -1,0 +1,44 @@
+"""The library's wings: what is published knows the study, the study knows the model, and nothing looks up."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import homing_lib
+
+HOUSE = Path(homing_lib.__file__).parent
+FLOOR = {"": 0, "study": 1, "publish": 2}
+DOOR = "__main__.py"
+
+
+def floor(module: str) -> int:
+    """Of homing_lib.study.runs: 1."""
+    wing = module.split(".")[1:2]
+    return FLOOR.get(wing[0], 0) if wing else 0
+
+
+def imported(source: Path) -> set[str]:
+    """Everything of the library that a file imports, also inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+    return {name for name in found if name.startswith("homing_lib")}
+
+
+@pytest.mark.parametrize("source", sorted(HOUSE.rglob("*.py")), ids=lambda path: path.relative_to(HOUSE).as_posix())
+def test_imports_point_downwards_only(source):
+    here = source.relative_to(HOUSE)
+    if here.name == DOOR:
+        return
+    own = FLOOR[here.parts[0] if len(here.parts) > 1 else ""]
+    assert [name for name in imported(source) if floor(name) > own] == []
+
+
+def test_a_file_of_the_model_fits_on_a_wall_and_the_model_too():
+    lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in HOUSE.glob("*.py")}
+    assert {name for name, count in lines.items() if count > 300} <= {"environment.py"}
+    assert sum(lines.values()) <= 2600
