@@ -25,19 +25,11 @@ from homing_lib.settings import Settings
 Image = NDArray[np.uint8]
 P = ParamSpec("P")
 
-TEXT_WIDTH = 6.3
-"""Of the report, in inches."""
+TEXT_WIDTH = 6.3  # inches, of the report
 
 BLUE, ORANGE, GREEN, SKY, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#8A8A8A", "#222222"
-LINES = (
-    (BLUE, "-"),
-    (ORANGE, (0, (4, 1.5))),
-    (GREEN, (0, (1, 1))),
-    (INK, (0, (6, 1.5, 1, 1.5))),
-    ("#CC79A7", (0, (2, 1))),
-    (GREY, (0, (8, 2))),
-    (SKY, "-"),
-)
+_DASHES = "-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 1)), (0, (8, 2)), "-"
+LINES = tuple(zip((BLUE, ORANGE, GREEN, INK, "#CC79A7", GREY, SKY), _DASHES, strict=True))
 """Colours and dashes of several curves in one panel, in order."""
 
 DASHED: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 2)), "linewidth": 0.8}
@@ -189,8 +181,7 @@ def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
         place = max(heights[name], place + 9.5)
         moved, tint = place - heights[name], tints[name]
         tied, right = (tie | {"color": tint}, 11) if moved > 3 else (None, 5)
-        options = {"va": "center", "color": tint, "annotation_clip": False, "arrowprops": tied}
-        beside(axes, name, ends[name], (right, moved), **options)
+        beside(axes, name, ends[name], (right, moved), va="center", color=tint, annotation_clip=False, arrowprops=tied)
 
 
 def plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
