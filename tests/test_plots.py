@@ -36,7 +36,7 @@ PLOTS = {
         np.array([0.1, 0.2, 0.4]), {"a": RUNS[:, :3], "b": np.where([0, 0, 1], np.inf, RUNS[:, :3])}, "error", 300
     ),
     "curves": lambda: plots.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
-    "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}, log=False),
+    "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}),
     "curves of different kinds": lambda: plots.curves({"one": {"a": RUNS}, "two": {"a": RUNS}}, ("steps", "m")),
     "forest": lambda: forest(Column("difference", FOUND, 0.0), shared=True),
     "forest of columns": lambda: forest(

@@ -25,19 +25,11 @@ from homing_lib.settings import Settings
 Image = NDArray[np.uint8]
 P = ParamSpec("P")
 
-TEXT_WIDTH = 6.3
-"""Of the report, in inches."""
+TEXT_WIDTH = 6.3  # inches, of the report
 
 BLUE, ORANGE, GREEN, SKY, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#8A8A8A", "#222222"
-LINES = (
-    (BLUE, "-"),
-    (ORANGE, (0, (4, 1.5))),
-    (GREEN, (0, (1, 1))),
-    (INK, (0, (6, 1.5, 1, 1.5))),
-    ("#CC79A7", (0, (2, 1))),
-    (GREY, (0, (8, 2))),
-    (SKY, "-"),
-)
+_DASHES = "-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 1)), (0, (8, 2)), "-"
+LINES = tuple(zip((BLUE, ORANGE, GREEN, INK, "#CC79A7", GREY, SKY), _DASHES, strict=True))
 """Colours and dashes of several curves in one panel, in order."""
 
 DASHED: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 2)), "linewidth": 0.8}
@@ -82,9 +74,6 @@ def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
     return styled
 
 
-# --- The room from above ----------------------------------------------------------------------------------------------
-
-
 def draw_floor_plan(axes: Axes, room: Room) -> None:
     """Walls, what stands in the room, home and the start."""
     axes.add_patch(patches.Rectangle((0, 0), *room.size, fill=False, edgecolor=INK, linewidth=1))
@@ -98,8 +87,7 @@ def draw_floor_plan(axes: Axes, room: Room) -> None:
         shape.set(facecolor="#C8C8C8", edgecolor=INK, linewidth=0.5)
         axes.add_patch(shape)
     draw_ends(axes, room)
-    axes.set(xlim=(-0.01, room.size[0] + 0.01), ylim=(-0.01, room.size[1] + 0.01), aspect="equal")
-    axes.set(xticks=[], yticks=[])
+    axes.set(xlim=(-0.01, room.size[0] + 0.01), ylim=(-0.01, room.size[1] + 0.01), aspect="equal", xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
 
 
@@ -158,9 +146,6 @@ def _ahead(pose: Pose, metres: float, turn: float = 0.0) -> tuple[float, float]:
     return pose.x + metres * cos(pose.heading + turn), pose.y + metres * sin(pose.heading + turn)
 
 
-# --- Parts of plots ---------------------------------------------------------------------------------------------------
-
-
 def picture(axes: Axes, image: Image, title: str) -> None:
     axes.imshow(image[:, :, :3])
     axes.set(title=title, xticks=[], yticks=[])
@@ -170,7 +155,12 @@ def picture(axes: Axes, image: Image, title: str) -> None:
 def level(axes: Axes, value: float, name: str, at: float = 0.01) -> None:
     """A horizontal line that has a name; at: where the name begins, as a share of the width."""
     axes.axhline(value, **DASHED)
-    axes.annotate(name, (at, value), (0, 4), xycoords=("axes fraction", "data"), textcoords="offset points")
+    beside(axes, name, (at, value), (0, 4), xycoords=("axes fraction", "data"))
+
+
+def beside(axes: Axes, text: str, at: tuple[float, float], points: tuple[float, float], **options: Any) -> None:
+    """Text that stands so many points right of a place and above it."""
+    axes.annotate(text, at, points, textcoords="offset points", **options)
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], **options: Any) -> None:
@@ -182,24 +172,16 @@ def note(axes: Axes, text: str, at: tuple[float, float], **options: Any) -> None
 def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
     """Names of curves, coloured as LINES, right of their ends; moved apart where they would overlap, and then tied."""
     axes.figure.canvas.draw()
-    scale = axes.get_figure().dpi / 72  # type: ignore[union-attr]
+    scale = axes.figure.dpi / 72
     heights = {name: axes.transData.transform((1, max(y, 1e-12)))[1] / scale for name, (_, y) in ends.items()}
-    tint = {name: colour for name, (colour, _) in zip(ends, LINES, strict=False)}
+    tints = dict(zip(ends, (colour for colour, _ in LINES), strict=False))
     tie: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1, "relpos": (0, 0.5)}
     place = -np.inf
     for name in sorted(ends, key=lambda name: heights[name]):
         place = max(heights[name], place + 9.5)
-        moved = place - heights[name]
-        axes.annotate(
-            name,
-            ends[name],
-            (11 if moved > 3 else 5, moved),
-            textcoords="offset points",
-            va="center",
-            color=tint[name],
-            annotation_clip=False,
-            arrowprops=tie | {"color": tint[name]} if moved > 3 else None,
-        )
+        moved, tint = place - heights[name], tints[name]
+        tied, right = (tie | {"color": tint}, 11) if moved > 3 else (None, 5)
+        beside(axes, name, ends[name], (right, moved), va="center", color=tint, annotation_clip=False, arrowprops=tied)
 
 
 def plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:

@@ -14,28 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
-from homing_lib.publish.drawing import (
-    BLUE,
-    DASHED,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    SKY,
-    STYLE,
-    TEXT_WIDTH,
-    Image,
-    draw_ends,
-    draw_floor_plan,
-    draw_walls,
-    in_metres,
-    in_sight,
-    level,
-    note,
-    picture,
-    plain_log,
-    styled,
-)
+from homing_lib.publish import drawing
+from homing_lib.publish.drawing import BLUE, DASHED, GREEN, GREY, INK, ORANGE, SKY, STYLE, TEXT_WIDTH, Image, styled
 from homing_lib.rooms import Box, Room
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, whole
@@ -65,60 +45,48 @@ def stored(name: str) -> None:
         display.display(display.Image(path))  # type: ignore[no-untyped-call]
 
 
-# --- The world --------------------------------------------------------------------------------------------------------
-
-
 @styled
 def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
     """Figure 1: the snapshot of home and the histogram of each of its channels (eq. 11)."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 1.75))
-    view, *channels = figure.subplots(1, 4, width_ratios=[1.05, 1, 1, 1])
-    picture(view, image, "view of home")
+    figure, (view, *channels) = plt.subplots(1, 4, figsize=(TEXT_WIDTH, 1.75), width_ratios=[1.05, 1, 1, 1])
+    drawing.picture(view, image, "view of home")
     bins = scaled_histogram.reshape(3, -1)
     edges = bin_size * np.arange(bins.shape[1] + 1)
     for axes, name, colour, shares in zip(channels, ("red", "green", "blue"), (ORANGE, GREEN, BLUE), bins, strict=True):
         axes.stairs(100 * shares, edges, fill=True, color=colour, alpha=0.35, linewidth=0)
         axes.stairs(100 * shares, edges, color=colour, linewidth=0.8)
-        axes.set(title=name, xlim=(0, 256), ylim=(0, 105 * bins.max()), xticks=[0, 128, 255])
-        axes.set_xlabel("intensity")
-    for axes in channels[1:]:
-        axes.set_yticklabels([])
+        axes.set(title=name, xlabel="intensity", xlim=(0, 256), ylim=(0, 105 * bins.max()), xticks=[0, 128, 255])
+    plt.setp(channels[1:], yticklabels=[])
     channels[0].set_ylabel("pixels in the bin (%)")
     return figure
 
 
 @styled
-def room_views(
-    oblique: Image, top: Image, from_home: Image, from_start: Image, room: Room, settings: Settings
-) -> Figure:
+def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room, settings: Settings) -> Figure:
     """Figure 4: the room obliquely and straight from above, and what the robot sees from both ends of its path.
 
     In the plan, light: what the camera overlooks from home and from the start, up to the nearest thing or wall.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.45), layout="compressed")
-    panels = figure.subplot_mosaic(
-        [["oblique", "plan", "home"], ["oblique", "plan", "start"]], width_ratios=[2.3, 2.2, 0.9]
-    )
+    left, plan, upper, lower = figure.subplot_mosaic("oph;ops", width_ratios=[2.3, 2.2, 0.9]).values()
     rows, columns = (np.flatnonzero((oblique < 255).any(axis=(axis, 2))) for axis in (1, 0))  # its margins off
     inner = oblique[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] if rows.size else oblique
-    picture(panels["oblique"], inner, "the room")
-    plan = panels["plan"]
+    drawing.picture(left, inner, "the room")
     plan.imshow(top, extent=(0, room.size[0], 0, room.size[1]))
-    draw_walls(plan, room)
-    in_metres(plan, room)
-    for pose in (room.home, room.start):
-        seen = in_sight(pose, room, settings)
-        plan.add_patch(patches.Polygon(seen, facecolor="white", edgecolor="white", alpha=0.35, linewidth=0.8))
-    draw_ends(plan, room, settings.body_diameter_m)
+    drawing.draw_walls(plan, room)
+    drawing.in_metres(plan, room)
+    drawing.draw_ends(plan, room, settings.body_diameter_m)
     for name, pose in (("home", room.home), ("start", room.start)):
-        note(plan, name, (pose.x, pose.y - 0.06), va="top", ha="center")
+        seen = drawing.in_sight(pose, room, settings)
+        plan.add_patch(patches.Polygon(seen, color="white", alpha=0.35, linewidth=0.8))
+        drawing.note(plan, name, (pose.x, pose.y - 0.06), va="top", ha="center")
     for thing in room.objects:
         ahead, across = (thing.size[0] / 2, thing.size[1] / 2) if isinstance(thing, Box) else (0, thing.radius)
         away = 1 if thing.y >= room.home.y else -1
         at, va = (thing.x + ahead, thing.y + away * (across + 0.02)), "bottom" if away > 0 else "top"
-        note(plan, thing.name, at, va=va, ha="right" if ahead else "center")
-    picture(panels["home"], from_home, "from home")
-    picture(panels["start"], from_start, "from the start")
+        drawing.note(plan, thing.name, at, va=va, ha="right" if ahead else "center")
+    drawing.picture(upper, home, "from home")
+    drawing.picture(lower, start, "from the start")
     return figure
 
 
@@ -126,16 +94,15 @@ def room_views(
 def similarity_map(similarity: Array, room: Room, thresholds: Thresholds) -> Figure:
     """Similarity to home over the room, at home's heading, shape (rows of y, columns of x); NaN where no robot fits."""
     width, depth = room.size
-    figure = plt.figure(figsize=(0.62 * TEXT_WIDTH, 3.0), layout="compressed")
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(0.62 * TEXT_WIDTH, 3.0), layout="compressed")
     shown = axes.imshow(similarity, origin="lower", extent=(0, width, 0, depth), vmax=1)
     figure.colorbar(shown, label="similarity NRB")
     rows, columns = similarity.shape
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
     axes.contour(x, y, similarity, levels=[thresholds.upper], colors="white", linewidths=1.2)
-    draw_floor_plan(axes, room)
-    in_metres(axes, room)
-    note(axes, f"inside the white line:\nNRB ≥ {thresholds.upper:.4f}", (0.03, 0.03), va="bottom", ha="left")
+    drawing.draw_floor_plan(axes, room)
+    drawing.in_metres(axes, room)
+    drawing.note(axes, f"inside the white line:\nNRB ≥ {thresholds.upper:.4f}", (0.03, 0.03), va="bottom", ha="left")
     share = (similarity >= thresholds.upper).sum() / np.isfinite(similarity).sum()
     axes.set_title(f"With home's heading, {share:.1%} of the places pass for home")
     return figure
@@ -146,27 +113,23 @@ def similarity_by_heading(
     heading_deg: Array, similarity: Array, thresholds: Thresholds, fit: tuple[Array, str] | None = None
 ) -> Figure:
     """Similarity at home against the heading's difference from the snapshot's; fit: a fitted curve and its name."""
-    figure = plt.figure(figsize=(0.8 * TEXT_WIDTH, 2.4))
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(0.8 * TEXT_WIDTH, 2.4))
     axes.plot(heading_deg, similarity, color=BLUE)
     side = heading_deg.size // 6
-    axes.annotate("measured", (heading_deg[side], similarity[side]), (0, 12), textcoords="offset points", color=BLUE)
+    drawing.beside(axes, "measured", (heading_deg[side], similarity[side]), (0, 12), color=BLUE)
     if fit:
         curve, name = fit
         axes.plot(heading_deg, curve, color=ORANGE, linestyle=(0, (4, 2)))
         side = heading_deg.size // 2 + heading_deg.size // 8
-        axes.annotate(name, (heading_deg[side], curve[side]), (8, 6), textcoords="offset points", color=ORANGE)
-    level(axes, thresholds.upper, f"$\\psi_{{upper}}$ = {thresholds.upper:.4f}")
-    axes.set(xlabel="heading from home's (degrees)", ylabel="similarity NRB", xlim=(-180, 180), ylim=(None, 1.03))
-    axes.set_xticks(range(-180, 181, 60))
+        drawing.beside(axes, name, (heading_deg[side], curve[side]), (8, 6), color=ORANGE)
+    drawing.level(axes, thresholds.upper, f"$\\psi_{{upper}}$ = {thresholds.upper:.4f}")
+    axes.set(xlabel="heading from home's (degrees)", xlim=(-180, 180), xticks=range(-180, 181, 60))
+    axes.set(ylabel="similarity NRB", ylim=(None, 1.03))
     passing = heading_deg[similarity >= thresholds.upper]
     if passing.size:
         found = f"At home, headings from {passing.min():.0f}° to {passing.max():.0f}° pass for home's"
         axes.set_title(found.replace("-", "\N{MINUS SIGN}"))
     return figure
-
-
-# --- The stopping rule ------------------------------------------------------------------------------------------------
 
 
 @styled
@@ -175,66 +138,54 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
 
     multiplier: consecutive whole numbers; chosen: the thresholds in use by their multipliers.
     """
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.4))
-    height, rate = figure.subplots(1, 2)
+    figure, (height, rate) = plt.subplots(1, 2, figsize=(TEXT_WIDTH, 2.4))
     forms = (
         (linear, "$1-(m\\pi)^{-1/2}$", ORANGE, (0, (4, 2)), (0, -5), "top"),
         (square_root, "$1-(\\pi\\sqrt{m})^{-1}$", BLUE, "-", (0, 4), "bottom"),
     )
     for values, name, colour, dashes, offset, side in forms:
         height.plot(multiplier, values, color=colour, linestyle=dashes)
-        end = {"xy": (multiplier[-1], values[-1]), "xytext": offset, "textcoords": "offset points", "color": colour}
-        height.annotate(name, ha="right", va=side, **end)
+        drawing.beside(height, name, (multiplier[-1], values[-1]), offset, ha="right", va=side, color=colour)
         rate.plot(multiplier[1:], np.diff(values), color=colour, linestyle=dashes)
     for number, value in chosen.items():
         height.plot(number, value, "o", color=BLUE, markersize=4)
     used = ",\n".join(f"{value:.4f} at $m$ = {number}" for number, value in sorted(chosen.items(), reverse=True))
     place = min(chosen), min(chosen.values())
-    height.annotate(f"in use: {used}", place, (0, 7), textcoords="offset points", ha="center", color=BLUE)
-    height.set(xlabel="multiplier $m$", ylabel="threshold $\\psi$ (similarity)", ylim=(None, 1.06))
-    height.set_yticks(np.arange(0.5, 1.01, 0.1))
+    drawing.beside(height, f"in use: {used}", place, (0, 7), ha="center", color=BLUE)
+    height.set(ylabel="threshold $\\psi$ (similarity)", ylim=(None, 1.06), yticks=np.arange(0.5, 1.01, 0.1))
     times = float(np.mean(np.diff(linear) / np.diff(square_root)))
     middle = multiplier.size // 2
-    below = {"textcoords": "offset points", "ha": "right", "va": "top", "color": BLUE}
-    rate.annotate(f"{times:.2f} times finer", (multiplier[middle], np.diff(square_root)[middle - 1]), (-4, -4), **below)
-    rate.set(xlabel="multiplier $m$", ylabel="rise of $\\psi$ from $m-1$ to $m$", yscale="log")
-    for axes in (height, rate):
-        axes.set_xlim(0, multiplier[-1])
+    place = multiplier[middle], np.diff(square_root)[middle - 1]
+    drawing.beside(rate, f"{times:.2f} times finer", place, (-4, -4), ha="right", va="top", color=BLUE)
+    rate.set(ylabel="rise of $\\psi$ from $m-1$ to $m$", yscale="log")
+    plt.setp((height, rate), xlabel="multiplier $m$", xlim=(0, multiplier[-1]))
     return figure
 
 
 @styled
 def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -> Figure:
     """Share of random poses that pass for home, by the reading of sigma^2; those in `selective` stand out."""
-    figure = plt.figure(figsize=(0.8 * TEXT_WIDTH, 0.42 + 0.3 * len(shares)))
-    axes = figure.subplots()
-    places = np.arange(len(shares))[::-1]
+    figure, axes = plt.subplots(figsize=(0.8 * TEXT_WIDTH, 0.42 + 0.3 * len(shares)))
+    places, percent = np.arange(len(shares))[::-1], 100 * np.array(list(shares.values()))
     colours = [BLUE if name in selective else GREY for name in shares]
-    axes.barh(places, [100 * share for share in shares.values()], height=0.62, color=colours)
-    for place, share in zip(places, shares.values(), strict=True):
-        axes.annotate(f"{100 * share:.1f} %", (100 * share, place), (4, 0), textcoords="offset points", va="center")
-    axes.set_yticks(places, list(shares))
+    bars = axes.barh(places, percent, height=0.62, color=colours, tick_label=list(shares))
+    axes.bar_label(bars, fmt="%.1f %%", padding=4)
     axes.tick_params(axis="y", length=0)
-    axes.set(xlabel="random poses that pass for home (%)", xlim=(0, 112 * max(*shares.values(), 0.01)))
+    axes.set(xlabel="random poses that pass for home (%)", xlim=(0, 1.12 * max(*percent, 1)))
     return figure
-
-
-# --- Homing -----------------------------------------------------------------------------------------------------------
 
 
 @styled
 def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure:
     """Figure 5: paths over the floor plan. rows: titles; of each path a label and the positions, shape (T, 2)."""
-    columns = max(len(row) for row in rows.values())
-    panel = TEXT_WIDTH / columns
-    height = len(rows) * (panel * room.size[1] / room.size[0] + 0.2)
-    figure = plt.figure(figsize=(TEXT_WIDTH, height), layout="compressed")
-    grid = np.atleast_2d(figure.subplots(len(rows), columns, squeeze=False))
+    columns = max(map(len, rows.values()))
+    size = TEXT_WIDTH, len(rows) * (TEXT_WIDTH / columns * room.size[1] / room.size[0] + 0.2)
+    figure, grid = plt.subplots(len(rows), columns, squeeze=False, figsize=size, layout="compressed")
     for axes_row, (title, row), colour in zip(grid, rows.items(), (ORANGE, BLUE) * len(rows), strict=False):
         for axes, (label, positions) in zip(axes_row, row, strict=False):
-            draw_floor_plan(axes, room)
+            drawing.draw_floor_plan(axes, room)
             path = np.vstack([room.start[:2], positions])
-            axes.plot(path[:, 0], path[:, 1], color=colour, linewidth=0.7, alpha=0.9)
+            axes.plot(*path.T, color=colour, linewidth=0.7, alpha=0.9)
             axes.plot(*path[-1], "o", color=colour, markeredgecolor=INK, markeredgewidth=0.6, markersize=4, zorder=5)
             axes.set_title(label, fontsize=6.5, pad=2, loc="center")
         axes_row[0].set_ylabel(title, color=colour, fontsize=8)
@@ -259,43 +210,35 @@ def learning_curves(
     first's; first, last, random: mean steps over the first and last `window` episodes, and of the random policy.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 4.3))
-    panels = figure.subplot_mosaic([["steps", "steps"], ["rewards", "changes"]], height_ratios=[1.35, 1])
+    top, middle, right = figure.subplot_mosaic("ss;rc", height_ratios=[1.35, 1]).values()
     episodes = np.arange(1, steps.shape[1] + 1)
 
-    top = panels["steps"]
     _mean_and_range(top, episodes, steps)
     top.axhspan(random.low, random.high, color=GREY, alpha=0.25, linewidth=0)
     top.axhline(random.value, **DASHED)
     at = episodes[-1] + 0.4, 1.08 * random.high
-    note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
+    drawing.note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
     for part, mean, name in ((slice(None, window), first, "first"), (slice(-window, None), last, "last")):
         ends = episodes[part][0] - 0.4, episodes[part][-1] + 0.4
         below = 0.85 * steps[:, part].min()
         top.hlines(mean.value, *ends, color=ORANGE, linewidth=2.2)
         top.vlines(ends[0], below, mean.value, color=ORANGE, linewidth=0.6)
-        note(top, f"{name} {window}: {_steps(mean)}", (ends[0], below), va="top", ha="left", color=ORANGE)
+        drawing.note(top, f"{name} {window}: {_steps(mean)}", (ends[0], below), va="top", ha="left", color=ORANGE)
     falls = f"Steps per episode fall from {first.value:.0f} to {last.value:.0f}"
-    top.set(
-        title=falls if last.high < first.low else "Steps per episode: no fall shown",
-        ylabel=f"steps: mean and range of {len(steps)} runs",
-        yscale="log",
-        ylim=(steps.min() * 0.5, None),
-    )
-    plain_log(top, "y")
+    top.set_title(falls if last.high < first.low else "Steps per episode: no fall shown")
+    top.set(ylabel=f"steps: mean and range of {len(steps)} runs", yscale="log", ylim=(steps.min() * 0.5, None))
+    drawing.plain_log(top, "y")
 
-    middle = panels["rewards"]
     _mean_and_range(middle, episodes, rewards)
-    level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
+    drawing.level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
     middle.set(title="Reward per episode", ylabel="summed reward")
 
-    right = panels["changes"]
     _mean_and_range(right, episodes, changes)
     share = step_size_rate * np.nanmean(changes[:, 0]) / step_size_rate[0]
     right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
-    end = episodes[-1], share[-1]
-    right.annotate("the step size's own fall", end, (0, 11), textcoords="offset points", ha="right")
+    drawing.beside(right, "the step size's own fall", (episodes[-1], share[-1]), (0, 11), ha="right")
     right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
-    for axes in panels.values():
+    for axes in figure.axes:
         axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
     return figure
 
@@ -303,8 +246,7 @@ def learning_curves(
 @styled
 def lambda_trace(lambda_: Array, clipped: Array, similarity: Array, thresholds: Thresholds) -> Figure:
     """Lambda at every step of an episode, and which values eq. (7) would have put outside [0, 1]."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.6))
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.3, 1])
+    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, height_ratios=[1.3, 1], figsize=(TEXT_WIDTH, 2.6))
     step = np.arange(1, lambda_.size + 1)
     cut = clipped.astype(bool)
     upper.vlines(step, 0, lambda_, color=SKY, linewidth=0.8)
@@ -314,11 +256,8 @@ def lambda_trace(lambda_: Array, clipped: Array, similarity: Array, thresholds: 
     upper.set_title(f"Reset to 0 or 1 at {cut.mean():.0%} of the steps (crosses), else as eq. (7) gives it (dots)")
     lower.plot(step, similarity, color=BLUE, linewidth=1)
     lower.set(xlabel="step", ylabel="similarity NRB", xlim=(0, step[-1] + 1), ylim=(None, 1))
-    level(lower, thresholds.upper, "$\\psi_{upper}$")
+    drawing.level(lower, thresholds.upper, "$\\psi_{upper}$")
     return figure
-
-
-# --- Parts ------------------------------------------------------------------------------------------------------------
 
 
 def _mean_and_range(axes: Axes, episodes: NDArray[np.int64], table: Array) -> None:

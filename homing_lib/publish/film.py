@@ -28,10 +28,8 @@ if TYPE_CHECKING:
     from homing_lib.arena import Arena
 
 FRAMES_PER_SECOND = 3
-FRAMES = 92
-"""At most so many, whatever an episode takes."""
-HOLD = 6
-"""How many more frames the last one stands."""
+FRAMES = 92  # at most, whatever an episode takes
+HOLD = 6  # more, for which the last one stands
 
 _KINDS = {
     # One palette and no dithering: frames stay small, and equal where nothing moves.
@@ -41,7 +39,6 @@ _KINDS = {
 """Codec, dots per inch and ffmpeg's options, by a file's ending."""
 
 _SAME_BYTES = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]
-
 _STYLE = STYLE | {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "lines.linewidth": 2}
 
 
@@ -66,10 +63,8 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
         if len(result.lengths) < number:
             raise UserError(f"--episode {number}: the run diverged in episode {result.diverged}")
         writer = FFMpegWriter(FRAMES_PER_SECOND, codec, extra_args=options + _SAME_BYTES)
-        with (
-            Arena(room, settings) as arena,
-            matplotlib.rc_context({"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}),
-        ):
+        ffmpeg: Any = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
+        with Arena(room, settings) as arena, matplotlib.rc_context(ffmpeg):
             scene = Scene(arena, result, sorted({1, number}))
             steps = timetable([len(one.poses) - 1 for one in scene.episodes])
             try:
@@ -105,7 +100,7 @@ class Scene:
     @matplotlib.rc_context(_STYLE)
     def __init__(self, arena: "Arena", result: Run, numbers: Sequence[int]) -> None:
         self.figure = Figure(figsize=(4.4 * len(numbers), 4.4))
-        columns = np.atleast_1d(np.array(self.figure.subfigures(1, len(numbers))))
+        (columns,) = self.figure.subfigures(1, len(numbers), squeeze=False)
         top_view, longest = arena.top_view(), max(result.lengths[number - 1] for number in numbers)
         self.episodes = [
             _Episode(arena, top_view, result, number, column, longest)

@@ -4,11 +4,11 @@ A mark says what was found: a blue disc is better, an orange square worse, a ful
 open. Where a table of verdicts goes with a plot, the marks are by these, never by a second judgement.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,13 +18,14 @@ from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, ORANGE, TEXT_WID
 from homing_lib.study.claims import Comparison
 from homing_lib.study.statistics import Interval, side
 
+PLAIN: dict[str, Any] = {"marker": "o", "color": INK, "linestyle": "", "markersize": 4.5}
 MARKS = {
-    "better": ("o", BLUE, BLUE),
-    "worse": ("s", ORANGE, ORANGE),
-    "comparable": ("D", GREY, GREY),
-    "open": ("D", GREY, "white"),
+    "better": PLAIN | {"color": BLUE},
+    "worse": PLAIN | {"marker": "s", "color": ORANGE},
+    "comparable": PLAIN | {"marker": "D", "color": GREY},
+    "open": PLAIN | {"marker": "D", "color": GREY, "markerfacecolor": "white"},
 }
-"""Shape, edge and face by verdict: told apart in grey, too."""
+"""By verdict: told apart in grey, too."""
 
 
 class Column(NamedTuple):
@@ -39,52 +40,42 @@ class Column(NamedTuple):
     intervals: Mapping[str, Interval]
     reference: float | None = None
     log: bool = False
-    also: Mapping[str, float] | None = None
+    also: Mapping[str, float] = {}
     text: str = ".0f"
     more: bool = False
-    words: Mapping[str, str] | None = None
+    words: Mapping[str, str] = {}
 
-    def word(self, row: str) -> str | None:
-        """The verdict on a row; None if it is held against nothing."""
-        if self.words is not None:
-            return self.words[row]
-        if self.reference is None:
-            return None
+    def word(self, row: str) -> str:
+        """The verdict on a row; empty if it is held against nothing."""
+        if self.words or self.reference is None:
+            return self.words.get(row, "")
         where = side(self.intervals[row], self.reference)
         return "open" if where == "open" else "better" if (where == "above") == self.more else "worse"
 
 
 def compared(label: str, rows: Mapping[str, Comparison]) -> Column:
     """A column of comparisons, marked by their own words."""
-    return Column(
-        f"{label}\n(marks: IQM, bars: mean)",
-        {row: found.typical for row, found in rows.items()},
-        1.0,
-        log=True,
-        also={row: found.mean.value for row, found in rows.items()},
-        text=".2f",
-        words={row: found.word for row, found in rows.items()},
-    )
+    label = f"{label}\n(marks: IQM, bars: mean)"
+    intervals = {row: found.typical for row, found in rows.items()}
+    also = {row: found.mean.value for row, found in rows.items()}
+    words = {row: found.word for row, found in rows.items()}
+    return Column(label, intervals, 1.0, log=True, also=also, text=".2f", words=words)
 
 
 @styled
 def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: bool = False) -> Figure:
     """Rows of intervals, in one column or several; shared: columns on the same scale."""
     rows = list(columns[0].intervals)
-    figure = plt.figure(figsize=(TEXT_WIDTH, 0.9 + height * len(rows)))
-    grid = np.atleast_1d(figure.subplots(1, len(columns), sharex=shared, sharey=True))
+    size = TEXT_WIDTH, 0.9 + height * len(rows)
+    figure, (grid,) = plt.subplots(1, len(columns), sharex=shared, sharey=True, squeeze=False, figsize=size)
     for axes, column in zip(grid, columns, strict=True):
         draw_column(axes, column, rows, narrow=len(columns) > 1)
     grid[0].set_yticks(range(len(rows)), [_greek(row) for row in rows])
     grid[0].set_ylabel(ylabel)
     met = {column.word(row) for column in columns for row in column.intervals}
-    handles = [
-        Line2D([], [], linestyle="", marker=shape, color=edge, markerfacecolor=face, markersize=4.5, label=word)
-        for word, (shape, edge, face) in MARKS.items()
-        if word in met
-    ]
-    if handles and len(columns) > 1:
-        figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), frameon=False, fontsize=7)
+    shown = [Line2D([], [], **mark, label=word) for word, mark in MARKS.items() if word in met]
+    if shown and len(columns) > 1:
+        figure.legend(handles=shown, loc="outside upper right", ncols=len(shown), frameon=False, fontsize=7)
     return figure
 
 
@@ -93,20 +84,18 @@ def draw_column(axes: Axes, column: Column, rows: Sequence[str], *, narrow: bool
     for place, row in enumerate(rows):
         if row not in column.intervals:
             continue
-        found, word = column.intervals[row], column.word(row)
-        shape, edge, face = MARKS[word] if word else ("o", INK, INK)
-        axes.hlines(place, found.low, found.high, color=edge, linewidth=1.6)
-        axes.plot(found.value, place, shape, color=edge, markerfacecolor=face, markersize=4.5)
-        if column.also and row in column.also:
+        found, mark = column.intervals[row], MARKS.get(column.word(row), PLAIN)
+        axes.hlines(place, found.low, found.high, color=mark["color"], linewidth=1.6)
+        axes.plot(found.value, place, **mark)
+        if row in column.also:
             axes.plot(column.also[row], place, "|", color=INK, markersize=8, markeredgewidth=1.2)
         if not narrow:
-            text = f"{found:{column.text}} {column.words[row] if column.words else ''}"
+            text = f"{found:{column.text}} {column.words.get(row, '')}"
             axes.text(1.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
     if column.reference is not None:
         axes.axvline(column.reference, **DASHED, zorder=0)
-    if column.words:
-        counts = ((sum(found == word for found in column.words.values()), word) for word in MARKS)
-        axes.set_title(", ".join(f"{count} {word}" for count, word in counts if count))
+    counts = Counter(column.words.values())
+    axes.set_title(", ".join(f"{counts[word]} {word}" for word in MARKS if counts[word]))
     axes.set(xlabel=column.label, ylim=(len(rows) - 0.4, -0.6))
     if column.log:
         axes.set_xscale("log")

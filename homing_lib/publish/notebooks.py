@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import nbformat
 from traitlets.config import Config
@@ -27,22 +27,14 @@ from homing_lib.storage import ROOT, missing, whole
 NOTEBOOKS = ROOT / "notebooks"
 PARAMETERS = ('profile = "full"', "figures_dir = None")
 # As in the Makefile, so that a notebook run without make gives the same bytes.
-REPRODUCIBLE = {
-    "MKL_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONHASHSEED": "0",
-    "SOURCE_DATE_EPOCH": "1767225600",
-}
+REPRODUCIBLE = dict.fromkeys(("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+REPRODUCIBLE |= {"PYTHONHASHSEED": "0", "SOURCE_DATE_EPOCH": "1767225600"}
 
 Notebook = Any  # nbformat.NotebookNode: a dict whose keys are attributes too
 
 
 def execute(
-    name: str,
-    profile: Literal["full", "quick"] = "full",
-    output_dir: Path | None = None,
-    figures_dir: Path | None = None,
+    name: str, profile: str = "full", output_dir: Path | None = None, figures_dir: Path | None = None
 ) -> list[Path]:
     """Run notebooks/<name>.ipynb (or any path) and return the files written: the executed copy, then the figures.
 
@@ -67,6 +59,8 @@ def execute(
         parameters["profile"] = profile
     started = time.time_ns()
     with tempfile.TemporaryDirectory() as scratch, _kernel_environment(scratch):
+        # Files rather than ports where there are such, since two kernels that start at once race for a port.
+        channel = {} if os.name == "nt" else {"transport": "ipc", "ip": f"{scratch}/kernel"}
         try:
             executed = papermill.execute_notebook(
                 str(source),
@@ -76,7 +70,7 @@ def execute(
                 language="python",
                 cwd=str(source.parent),
                 progress_bar=sys.stderr.isatty(),
-                config=Config(KernelManager=_channel(scratch)),
+                config=Config(KernelManager=channel),
                 extra_arguments=["--log-level=CRITICAL"],  # the kernel calls its own shutdown an error
             )
         except PapermillExecutionError as error:
@@ -112,34 +106,24 @@ def normalise(executed: Notebook, source: Notebook) -> None:
         for key in ("papermill", "execution"):
             cell.metadata.pop(key, None)
         if cell.cell_type == "code":
-            cell.outputs = list(_stable(cell.outputs))
+            cell.outputs = _stable(cell.outputs)
 
 
-def _stable(outputs: list[Notebook]) -> Iterator[Notebook]:
-    """Without stderr and widgets; with stdout in one piece, however the kernel happened to cut it."""
-    printed = None
+def _stable(outputs: list[Notebook]) -> list[Notebook]:
+    """Without stderr, widgets and addresses; stdout in one piece, however the kernel happened to cut it."""
+    kept: list[Notebook] = []
     for output in outputs:
-        if output.output_type == "stream":
-            if output.name == "stderr":
-                continue
-            output.text = _without_addresses(output.text)
-            if printed is not None:
-                printed.text += output.text
-                continue
-            printed = output
+        data = output.get("data", {})
+        if output.get("name") == "stderr" or any("widget" in kind for kind in data):
+            continue
+        for part, key in [(output, "text"), *((data, kind) for kind in data if kind.startswith("text/"))]:
+            if isinstance(part.get(key), str):
+                part[key] = re.sub(r" at 0x[0-9a-fA-F]+", "", part[key])
+        if kept and output.output_type == kept[-1].output_type == "stream":
+            kept[-1].text += output.text
         else:
-            printed = None
-            data = output.get("data", {})
-            if any("widget" in kind for kind in data):
-                continue
-            for kind, value in data.items():
-                if kind.startswith("text/") and isinstance(value, str):
-                    data[kind] = _without_addresses(value)
-        yield output
-
-
-def _without_addresses(text: str) -> str:
-    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
+            kept.append(output)
+    return kept
 
 
 def problems(source: Path) -> list[str]:
@@ -149,18 +133,12 @@ def problems(source: Path) -> list[str]:
         return [f"{source.name}: format {notebook.nbformat}.{notebook.nbformat_minor} has no cell ids; save it as 4.5"]
     found = []
     if any(cell.get("outputs") or cell.get("execution_count") for cell in notebook.cells):
-        found.append(
-            f"{source.name}: has outputs; clear them: jupyter nbconvert --clear-output --inplace {source.name}"
-        )
+        remedy = f"jupyter nbconvert --clear-output --inplace {source.name}"
+        found.append(f"{source.name}: has outputs; clear them: {remedy}")
     tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
     if len(tagged) != 1 or any(line not in tagged[0] for line in PARAMETERS):
         found.append(f"{source.name}: needs one cell tagged 'parameters' that says: {'; '.join(PARAMETERS)}")
     return found
-
-
-def _channel(scratch: str) -> dict[str, str]:
-    """Files rather than ports where there are such, since two kernels that start at once race for a port."""
-    return {} if os.name == "nt" else {"transport": "ipc", "ip": f"{scratch}/kernel"}
 
 
 @contextmanager

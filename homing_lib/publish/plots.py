@@ -1,49 +1,36 @@
 """Plots of the studies: many runs, and every mean with its 95 % interval. Intervals in rows are in `forests`."""
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from homing_lib.features import Array
-from homing_lib.publish.drawing import (
-    BLUE,
-    DASHED,
-    GREY,
-    INK,
-    LINES,
-    ORANGE,
-    TEXT_WIDTH,
-    draw_floor_plan,
-    label_ends,
-    level,
-    plain_log,
-    styled,
-)
+from homing_lib.publish import drawing
+from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, LINES, ORANGE, TEXT_WIDTH, styled
 from homing_lib.publish.forests import compared, draw_column
 from homing_lib.rooms import Room
 from homing_lib.study.rules import Rules
 from homing_lib.study.statistics import band
 
-# --- A class's first encounter with lambda ---------------------------------------------------------------------------
+Tables = Mapping[str, Array]  # by label, shape (runs, episodes)
 
 
 @styled
 def trace_depth(traces: Mapping[str, Array]) -> Figure:
     """How much of each past step is left in the trace. traces: by rule, shape (steps, past steps), NaN for later."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.35))
-    panels = np.atleast_1d(figure.subplots(1, len(traces), sharey=True))
+    figure, (panels,) = plt.subplots(1, len(traces), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.35))
     for axes, (name, trace) in zip(panels, traces.items(), strict=True):
-        steps = len(trace)
-        edges = np.arange(steps + 1) + 0.5
+        edges = np.arange(len(trace) + 1) + 0.5
         shown = axes.pcolormesh(edges, edges, trace.T, vmin=0, vmax=1, cmap="Greys", rasterized=True)
         axes.set(title=name, xlabel="step $t$", aspect="equal")
     panels[0].set_ylabel("past step $k$")
-    figure.colorbar(shown, ax=list(panels), label="share of $\\phi_k$ in $e_t$", shrink=0.8)
+    figure.colorbar(shown, ax=panels, label="share of $\\phi_k$ in $e_t$", shrink=0.8)
     return figure
 
 
@@ -53,14 +40,13 @@ def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str,
 
     first_clips: the first step at which each form was reset.
     """
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.3))
-    panels = np.atleast_1d(figure.subplots(1, len(errors), sharey=True))
+    figure, (panels,) = plt.subplots(1, len(errors), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.3))
     for axes, (name, (free, reset)) in zip(panels, errors.items(), strict=True):
         step, floor = np.arange(1, free.size + 1), 1e-18
         axes.plot(step, np.maximum(reset, floor), color=ORANGE, linestyle=(0, (4, 1.5)))
         axes.plot(step, np.maximum(free, floor), color=BLUE)
         axes.axvline(first_clips[name], color=GREY, linewidth=0.8)
-        axes.annotate("first reset", (first_clips[name], 1e-8), (4, 0), textcoords="offset points", rotation=90)
+        drawing.beside(axes, "first reset", (first_clips[name], 1e-8), (4, 0), rotation=90)
         axes.set(title=name, xlabel="step $t$", yscale="log", ylim=(floor / 3, 1e3), xlim=(1, step[-1]))
         axes.set_xticks(step[:: max(1, step.size // 4)])
     panels[-1].annotate("reset to [0, 1]", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
@@ -69,14 +55,10 @@ def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str,
     return figure
 
 
-# --- Curves -----------------------------------------------------------------------------------------------------------
-
-
 @styled
 def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str, top: float) -> Figure:
     """A measure of runs against the step size. errors: by rule, shape (runs, step sizes); above `top`, not drawn."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 3.1))
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 3.1))
     ends: dict[str, tuple[float, float]] = {}
     least = (np.inf, "", 0.0)
     for (name, table), (colour, dashes) in zip(errors.items(), LINES, strict=False):
@@ -87,53 +69,42 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
             continue
         axes.fill_between(step_sizes[drawn], low[drawn], np.minimum(high, top)[drawn], color=colour, alpha=0.2, lw=0)
         axes.plot(step_sizes[drawn], mean[drawn], color=colour, linestyle=dashes)
-        best = int(np.argmin(mean))
-        least = min(least, (float(mean[best]), name, float(step_sizes[best])))
+        best = mean.argmin()
+        least = min(least, (mean[best], name, step_sizes[best]))
         axes.plot(step_sizes[best], mean[best], "o", color=colour, markersize=4)
-        last = int(np.flatnonzero(drawn)[-1])
-        ends[name] = step_sizes[last], float(mean[last])
+        ends[name] = step_sizes[drawn][-1], mean[drawn][-1]
     axes.set(xlabel="step size $\\alpha$", ylabel=ylabel, xscale="log", ylim=(None, top))
     axes.set_title(f"Least with {least[1]}: {least[0]:.2f} at {least[2]:g} (dots: the best step size of each)")
     axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
     axes.minorticks_off()
-    label_ends(axes, ends)
+    drawing.label_ends(axes, ends)
     return figure
 
 
 @styled
 def curves(
-    panels: Mapping[str, Mapping[str, Array]],
-    ylabel: str | Sequence[str],
-    *,
-    levels: Mapping[str, float] | None = None,
-    log: bool = True,
-    each: int = 1,
+    panels: Mapping[str, Tables], ylabel: str | Sequence[str], levels: Mapping[str, float] | None = None, each: int = 1
 ) -> Figure:
-    """Mean and 95 % interval over the runs, by episode. panels: tables of shape (runs, episodes) by title and label.
+    """Mean and 95 % interval over the runs, by episode. panels: tables by title and label.
 
     ylabel: of all panels, which then share their scale, or one each; levels: horizontal lines by name, drawn in every
     panel; each: how many episodes a column of the tables stands for.
     """
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.7))
     shared = isinstance(ylabel, str)
-    grid = np.atleast_1d(figure.subplots(1, len(panels), sharey=shared))
+    labels = [ylabel, *[""] * (len(panels) - 1)] if isinstance(ylabel, str) else ylabel
+    figure, (grid,) = plt.subplots(1, len(panels), sharey=shared, squeeze=False, figsize=(TEXT_WIDTH, 2.7))
     alike = len({tuple(tables) for tables in panels.values()}) == 1
-    for place, (axes, (title, tables)) in enumerate(zip(grid, panels.items(), strict=True)):
+    for axes, label, (title, tables) in zip(grid, labels, panels.items(), strict=True):
         ends = _learning(axes, tables, each)
-        axes.set_title(title)
-        if log:
-            axes.set_yscale("log")
-            plain_log(axes, "y")
+        axes.set(title=title, ylabel=label)
         for name, value in (levels or {}).items():
-            level(axes, value, name)
-        if place == len(grid) - 1 or not alike:  # once is enough where every panel shows the same
-            label_ends(axes, ends)
-        if not shared or place == 0:
-            axes.set_ylabel(ylabel if isinstance(ylabel, str) else ylabel[place])
+            drawing.level(axes, value, name)
+        if axes is grid[-1] or not alike:  # once is enough where every panel shows the same
+            drawing.label_ends(axes, ends)
     return figure
 
 
-def _learning(axes: Axes, tables: Mapping[str, Array], each: int = 1) -> dict[str, tuple[float, float]]:
+def _learning(axes: Axes, tables: Tables, each: int = 1) -> dict[str, tuple[float, float]]:
     """Draw mean and interval by episode; returns where each curve ends."""
     ends = {}
     for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
@@ -144,21 +115,22 @@ def _learning(axes: Axes, tables: Mapping[str, Array], each: int = 1) -> dict[st
         ends[name] = float(episode[-1]), float(mean[-1])
     axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.set_yscale("log")
+    drawing.plain_log(axes, "y")
     return ends
 
 
 @styled
 def rules(found: Rules) -> Figure:
     """How rules learn, and the late steps of each as a multiple of the first's, marked by the verdict."""
-    first, seeds = next(iter(found.steps)), len(next(iter(found.steps.values())))
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.5))
-    learning, against = figure.subplots(1, 2, width_ratios=[1.4, 1])
+    (first, steps), *_ = found.steps.items()
+    figure, (learning, against) = plt.subplots(1, 2, width_ratios=[1.4, 1], figsize=(TEXT_WIDTH, 2.5))
     ends = _learning(learning, found.steps)
-    learning.set(title=f"mean of {seeds} seeds", ylabel="steps per episode", yscale="log")
-    plain_log(learning, "y")
-    label_ends(learning, ends)
+    learning.set(title=f"mean of {len(steps)} seeds", ylabel="steps per episode")
+    drawing.label_ends(learning, ends)
     draw_column(against, compared(f"late steps / those of {first}", found.verdicts), list(found.verdicts), narrow=True)
     against.set_yticks(range(len(found.verdicts)), list(found.verdicts))
+    against.set_xlabel(against.get_xlabel(), loc="right")  # a long name reaches left, not over the edge
     return figure
 
 
@@ -167,8 +139,7 @@ def heat_map(
     rows: Sequence[str], columns: Sequence[str], values: Array, notes: Mapping[tuple[int, int], str]
 ) -> Figure:
     """Steps by rule and step size, written into the cells; notes: what stands behind, such as how many diverged."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
     shown = axes.pcolormesh(values, norm=LogNorm(), cmap="cividis_r", edgecolor="white", linewidth=0.8)
     middle = np.sqrt(values.min() * values.max())
     best = values.argmin(axis=1)
@@ -186,46 +157,35 @@ def heat_map(
     return figure
 
 
-# --- Calibration ------------------------------------------------------------------------------------------------------
-
-
 @styled
 def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, str], top: float) -> Figure:
     """Scores of the candidates by each of their choices, with the median; the value chosen stands out.
 
     choices: by setting and value, the scores of all candidates that have it; top: the worst score there is.
     """
-    columns = 4
-    rows = -(-len(choices) // columns)
-    figure = plt.figure(figsize=(TEXT_WIDTH, 1.75 * rows))
-    grid = figure.subplots(rows, columns, sharey=True).ravel()
+    rows = ceil(len(choices) / 4)
+    figure, grid = plt.subplots(rows, 4, sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 1.75 * rows))
     rng = np.random.default_rng(0)
-    for axes, (name, by_value) in zip(grid, choices.items(), strict=False):
+    for axes, (name, by_value) in zip(grid.flat, choices.items(), strict=False):
         for place, (value, scores) in enumerate(by_value.items()):
             colour = BLUE if value == chosen[name] else GREY
-            axes.plot(
-                place + rng.uniform(-0.22, 0.22, scores.size), scores, ".", color=colour, markersize=2.5, alpha=0.7
-            )
+            spread = place + rng.uniform(-0.22, 0.22, scores.size)
+            axes.plot(spread, scores, ".", color=colour, markersize=2.5, alpha=0.7)
             axes.hlines(np.median(scores), place - 0.38, place + 0.38, color=colour, linewidth=1.8)
         axes.set(title=name, yscale="log", ylim=(None, 1.15 * top), xlim=(-0.6, len(by_value) - 0.4))
         crowded = sum(map(len, by_value)) > 20
         axes.set_xticks(range(len(by_value)), list(by_value), fontsize=6 if crowded else 7, rotation=35 * crowded)
-        plain_log(axes, "y")
-    for axes in grid[::columns]:
-        axes.set_ylabel("steps per episode")
-    for axes in grid[len(choices) :]:
+        drawing.plain_log(axes, "y")
+    plt.setp(grid[:, 0], ylabel="steps per episode")
+    for axes in grid.flat[len(choices) :]:
         axes.set_visible(False)
     return figure
-
-
-# --- Atlas ------------------------------------------------------------------------------------------------------------
 
 
 @styled
 def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     """Cumulative shares of the error of the similarity, by lattice; band_width: between the two thresholds."""
-    figure = plt.figure(figsize=(0.85 * TEXT_WIDTH, 2.6))
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(0.85 * TEXT_WIDTH, 2.6))
     widest = max(float(np.quantile(error, 0.995)) for error in errors.values())
     within = {name: float((error < band_width).mean()) for name, error in errors.items()}
     downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
@@ -235,41 +195,35 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
         axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)
     axes.legend(loc="lower right", frameon=False, labelcolor="linecolor", handlelength=3)
     axes.axvline(band_width, **DASHED)
-    axes.annotate("$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0), textcoords="offset points")
+    drawing.beside(axes, "$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0))
     least, most = min(within.values()), max(within.values())
-    axes.set(
-        xlabel="|NRB of the atlas − NRB of the camera|", ylabel="random poses (%)", xlim=(0, widest), ylim=(0, 101)
-    )
+    axes.set(xlabel="|NRB of the atlas − NRB of the camera|", xlim=(0, widest))
+    axes.set(ylabel="random poses (%)", ylim=(0, 101))
     axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
     return figure
-
-
-# --- After learning ---------------------------------------------------------------------------------------------------
 
 
 @styled
 def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room, label: str) -> Figure:
     """A number at each start, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.7), layout="compressed")
-    grid = np.atleast_1d(figure.subplots(1, len(maps)))
-    least = min(float(values.min()) for _, _, values in maps.values())
-    most = max(float(values.max()) for _, _, values in maps.values())
+    figure, (grid,) = plt.subplots(1, len(maps), squeeze=False, figsize=(TEXT_WIDTH, 2.7), layout="compressed")
+    everything = np.concatenate([values for _, _, values in maps.values()])
+    scale = Normalize(everything.min(), everything.max())
     for axes, (title, (x, y, values)) in zip(grid, maps.items(), strict=True):
-        shown = axes.scatter(x, y, c=values, s=95, marker="s", vmin=least, vmax=most, linewidth=0)
-        draw_floor_plan(axes, room)
+        shown = axes.scatter(x, y, c=values, s=95, marker="s", norm=scale, linewidth=0)
+        drawing.draw_floor_plan(axes, room)
         axes.set_title(f"{title}: mean {values.mean():.0f}")
-    figure.colorbar(shown, ax=list(grid), label=label, shrink=0.8)
+    figure.colorbar(shown, ax=grid, label=label, shrink=0.8)
     return figure
 
 
 @styled
 def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Figure:
     """NRB of home under other light than that of the snapshot, shape (lights,) each, and where it still passes."""
-    figure = plt.figure(figsize=(TEXT_WIDTH, 2.2))
-    axes = figure.subplots()
+    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 2.2))
     axes.fill_between(light, 0, 1, where=similarity >= psi_upper, transform=axes.get_xaxis_transform(), color="0.92")
     axes.plot(light, similarity, color=BLUE)
-    level(axes, psi_upper, "$\\psi_{upper}$")
+    drawing.level(axes, psi_upper, "$\\psi_{upper}$")
     axes.annotate("passes", (1, 0.05), xycoords=axes.get_xaxis_transform(), ha="center")
     axes.set(xlabel="brightness, as a share of that of the snapshot", ylabel="NRB of home", xlim=(light[0], light[-1]))
     passing = light[similarity >= psi_upper]
