@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
@@ -69,14 +68,6 @@ def write_bytes(path: Path, content: bytes) -> None:
     """Write a file that is whole, or not there. Raises UserError if it cannot be written."""
     with whole(path) as part:
         part.write_bytes(content)
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that are gone were writing when they were killed."""
-    for part in folder.glob(".*.part*"):
-        process = part.name.rpartition(".part")[0].rpartition(".")[2]
-        if process.isdecimal() and not psutil.pid_exists(int(process)):
-            part.unlink(missing_ok=True)
 
 
 def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -36,8 +36,8 @@ from homing_lib.atlas import open_atlas
 from homing_lib.errors import RESUMES, DamagedFile, UserError
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
-from homing_lib.settings import Settings, parse_settings
-from homing_lib.storage import ROOT, missing, read_arrays, remove_leftovers, write_arrays, write_bytes
+from homing_lib.settings import Settings
+from homing_lib.storage import ROOT, missing, read_arrays, write_arrays, write_bytes
 
 DATA = ROOT / "data"
 """What is committed: complete runs of the headline, and one table for every other study."""
@@ -125,7 +125,7 @@ def load(path: Path) -> Run:
 
 def _run(path: Path, about: dict[str, Any], arrays: dict[str, Any]) -> Run:
     try:
-        return Run(parse_settings(about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
+        return Run(Settings(**about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
     except (KeyError, TypeError, UserError) as error:
         raise DamagedFile(f"{path}: damaged file ({error}); {_REMEDY}") from None
 
@@ -171,7 +171,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     if study.measure and not force and _table_is_current(study):
         return 0
     for folder in (study.folder, study.table.parent):
-        remove_leftovers(folder)
+        _remove_leftovers(folder)
     before = _read_manifest(study)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
     client = _connect(cluster) if cluster and todo else None  # before anything changes
@@ -187,6 +187,14 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     origins = _write_table(study) if study.measure else [MADE_BY]
     _write_manifest(study, origins, before)
     return len(todo)
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove what processes that are gone were writing when they were killed."""
+    for part in folder.glob(".*.part*"):
+        process = part.name.rpartition(".part")[0].rpartition(".")[2]
+        if process.isdecimal() and not psutil.pid_exists(int(process)):
+            part.unlink(missing_ok=True)
 
 
 _Job = tuple[Settings, int]
