@@ -17,22 +17,17 @@ from numpy.typing import NDArray
 from homing_lib.errors import DamagedFile, UserError
 
 
-def _repository() -> Path:
-    """The checkout that this package stands in; if it was installed without, the one worked in, or this folder."""
-    here = Path.cwd()
-    for folder in (Path(__file__).parent.parent, here, *here.parents):
-        if (folder / "data" / "STUDIES.md").exists():
-            return folder
-    return here
+_MARK = Path("data", "STUDIES.md")
+_PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 
-
-ROOT = _repository()
-"""Where data/, figures/ and notebooks/ stand, and .build/ is made."""
+ROOT = next((folder for folder in _PLACES if (folder / _MARK).exists()), Path.cwd())
+"""Where data/, figures/ and notebooks/ stand, and .build/ is made: the checkout that this package stands in; if it was
+installed without, the one worked in, or this folder."""
 
 
 def missing(path: Path, otherwise: str) -> UserError:
     """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
-    if (ROOT / "data" / "STUDIES.md").exists():
+    if (ROOT / _MARK).exists():
         return UserError(f"{path}: {otherwise}")
     where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
     return UserError(f"{path}: missing, for {where}; clone it and work there")

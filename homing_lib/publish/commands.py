@@ -40,13 +40,12 @@ def _parser() -> argparse.ArgumentParser:
         return added
 
     run = command("run", _run, "one experiment, with the camera; prints a summary")
-    run.add_argument("--seed", type=_seed, default=0)
-    run.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
     film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
-    film.add_argument("--seed", type=_seed, default=1000, help="by default 1000, of the stored runs")
+    for one, seed in ((run, 0), (film, 1000)):
+        one.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}")
+        one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
-    film.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
     command("settings", _settings, "every setting, its default and its source")
     data = command("data", _data, "check the stored runs and compute those that are missing")
@@ -115,11 +114,10 @@ def _film(options: argparse.Namespace) -> None:
 
 def changed_settings(changes: Sequence[str]) -> Settings:
     """Settings from texts like "alpha0=0.003". Raises UserError."""
-    pairs = [change.partition("=") for change in changes]
-    for name, equals, _ in pairs:
-        if not equals:
-            raise UserError(f"--set {name}: expected NAME=VALUE")
-    return Settings(**{name: value for name, _, value in pairs})
+    for change in changes:
+        if "=" not in change:
+            raise UserError(f"--set {change}: expected NAME=VALUE")
+    return Settings(**dict(change.split("=", 1) for change in changes))
 
 
 def _settings(_: argparse.Namespace) -> None:

@@ -7,7 +7,6 @@ all others: every comparison of steps is therefore made twice (`Comparison`), an
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -18,7 +17,7 @@ from homing_lib.settings import Settings
 from homing_lib.study import measures, studies
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import Study, episodes_of, load_table
-from homing_lib.study.statistics import MARGIN, Interval, interval, iqm, judged, ratio, side
+from homing_lib.study.statistics import Interval, interval, iqm, judged, ratio, side
 
 Verdict = Literal["reproduced", "partly reproduced", "not reproduced", "not shown", "not testable here"]
 
@@ -48,8 +47,7 @@ def claim(number: int, text: str, *needed: Study) -> Callable[[_Judge], _Judge]:
     return judged_by
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """What was found about a claim. str() is a paragraph in Markdown."""
 
     number: int
@@ -107,11 +105,8 @@ class Comparison(NamedTuple):
 
     @property
     def word(self) -> str:
-        """What `statistics.judged` says of both; if that is not the same, open, or comparable where it is so small."""
-        words = {judged(self.typical), judged(self.mean)}
-        if len(words) == 1:
-            return words.pop()
-        return "comparable" if all(found.low > 1 / MARGIN and found.high < MARGIN for found in self) else "open"
+        """What `statistics.judged` says of both together."""
+        return judged(*self)
 
     @property
     def side(self) -> Literal["below", "above", "open"]:
@@ -144,11 +139,8 @@ def of_change(of: Any, ours: str, theirs: str) -> Interval:
 
 def at_best_step_size(mapped: Any) -> dict[str, Array]:
     """Late steps of each rule at that of its step sizes at which they are least. mapped: of `LAMBDA_MAP`."""
-    found = {}
-    for rule in studies.RULES:
-        tried = [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES]
-        found[rule] = min(tried, key=lambda steps: float(steps.mean()))
-    return found
+    tried = {rule: [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES] for rule in studies.RULES}
+    return {rule: min(several, key=np.mean) for rule, several in tried.items()}
 
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:
@@ -273,13 +265,13 @@ def exponential_change(of: Any) -> _Judged:
     changes = list(change_by_episode(of, settings).values())
     rng = np.random.default_rng(0)
     falls = [ratio(one[:, -WINDOW:].mean(1), one[:, :WINDOW].mean(1), rng) for one in changes]
-    fell, fell_per_step_size = (side(falls[i], 1) == "below" for i in (0, 2))
+    fell = [side(fall, 1) == "below" for fall in falls]
     number, logarithm = np.arange(1, settings.episodes + 1), np.log(changes[0].mean(axis=0))
     exponential = np.corrcoef(logarithm, number)[0, 1] ** 2
     hyperbolic = np.corrcoef(logarithm, np.log(settings.first_episode + number))[0, 1] ** 2
-    shown = exponential > hyperbolic and fell_per_step_size
+    shown = exponential > hyperbolic and fell[2]
     return (
-        "reproduced" if shown else "partly reproduced" if fell else "not reproduced",
+        "reproduced" if shown else "partly reproduced" if fell[0] else "not reproduced",
         f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per "
         f"step and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
         f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "

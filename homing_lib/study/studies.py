@@ -159,11 +159,7 @@ REFERENCES = study(
 )
 
 SHORTEST = study(
-    "shortest",
-    "The least number of steps that the robot's actions allow.",
-    {"shortest": _ATLAS},
-    range(1000, 1010),
-    shortest,
+    "shortest", "The least number of steps that the robot's actions allow.", {"shortest": _ATLAS}, JUDGED[:10], shortest
 )
 
 LATTICES = {
@@ -247,8 +243,6 @@ def finalists() -> Study:
 
 _LISTED.append(finalists)
 
-# --- All of them -----------------------------------------------------------------------------------------------------
-
 
 def in_order() -> Iterator[Study]:
     """All studies as they stand here; the last needs the table of the one before it."""
@@ -267,12 +261,9 @@ def page() -> str:
         "the default settings (`homing settings`), changed as stated.",
     ]
     for one in in_order():
-        parts += [
-            f"## {one.name}",
-            one.reason,
-            f"Seeds {min(one.seeds)} to {max(one.seeds)}, {len(one.conditions)} conditions. Kept of a run: {one.measured}.",
-            _conditions(one),
-        ]
+        seeds = f"{min(one.seeds)} to {max(one.seeds)}"
+        scope = f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}."
+        parts += [f"## {one.name}", one.reason, scope, _conditions(one)]
     return "\n\n".join(parts) + "\n"
 
 
