@@ -11,29 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
 from homing_lib.errors import DamagedFile, UserError
 
 
-def _repository() -> Path:
-    """The checkout that this package stands in; if it was installed without, the one worked in, or this folder."""
-    here = Path.cwd()
-    for folder in (Path(__file__).parent.parent, here, *here.parents):
-        if (folder / "data" / "STUDIES.md").exists():
-            return folder
-    return here
+_MARK = Path("data", "STUDIES.md")
+_PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 
-
-ROOT = _repository()
-"""Where data/, figures/ and notebooks/ stand, and .build/ is made."""
+ROOT = next((folder for folder in _PLACES if (folder / _MARK).exists()), Path.cwd())
+"""Where data/, figures/ and notebooks/ stand, and .build/ is made: the checkout that this package stands in; if it was
+installed without, the one worked in, or this folder."""
 
 
 def missing(path: Path, otherwise: str) -> UserError:
     """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
-    if (ROOT / "data" / "STUDIES.md").exists():
+    if (ROOT / _MARK).exists():
         return UserError(f"{path}: {otherwise}")
     where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
     return UserError(f"{path}: missing, for {where}; clone it and work there")
@@ -69,14 +63,6 @@ def write_bytes(path: Path, content: bytes) -> None:
     """Write a file that is whole, or not there. Raises UserError if it cannot be written."""
     with whole(path) as part:
         part.write_bytes(content)
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that are gone were writing when they were killed."""
-    for part in folder.glob(".*.part*"):
-        process = part.name.rpartition(".part")[0].rpartition(".")[2]
-        if process.isdecimal() and not psutil.pid_exists(int(process)):
-            part.unlink(missing_ok=True)
 
 
 def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

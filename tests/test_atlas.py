@@ -34,7 +34,7 @@ PROGRAM = f"""
 import sys
 from pathlib import Path
 from homing_lib import atlas
-from homing_lib.__main__ import main
+from homing_lib.publish.commands import main
 atlas.FOLDER = Path(sys.argv[1])
 sys.exit(main(["run", *(word for name, value in {COARSE}.items() for word in ("--set", f"{{name}}={{value}}"))]))
 """

@@ -18,7 +18,7 @@ from homing_lib.robot import drive
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures, runs, studies
-from homing_lib.study.measures import EPISODE_COLUMNS, Kidnapped, episode_table
+from homing_lib.study.measures import Kidnapped, episode_table
 from homing_lib.study.runs import DATA, load_table
 from tests.kills import SMALL
 
@@ -27,6 +27,10 @@ with suppress(UserError):  # the last needs a table, and its tests say so
     for study in studies.in_order():
         STUDIES.append(study)
 TABLES = [study for study in STUDIES if study.measure and study.table.exists()]
+EPISODE_COLUMNS = (
+    *("episode", "steps", "reached", "return", "change", "lambda", "clipped", "at_wall"),
+    *("distance_m", "angle_deg", "diverged"),
+)
 COARSE = Settings(
     images="atlas", image_size=16, atlas_spacing_m=0.05, atlas_heading_deg=30, survey_steps=300, max_steps=200
 )

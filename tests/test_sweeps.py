@@ -17,7 +17,7 @@ import pytest
 
 from homing_lib.agent import run
 from homing_lib.errors import UserError
-from homing_lib.study import measures, runs
+from homing_lib.study import runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
 from tests.kills import (
@@ -330,7 +330,7 @@ def test_a_manifest_names_every_library_that_made_a_part_of_the_table(monkeypatc
 
 def test_a_table_begins_with_condition_and_seed_and_is_in_the_order_of_the_study(stored):
     table = load_table(FEW)
-    assert list(table) == ["condition", "seed", *measures.EPISODE_COLUMNS]
+    assert list(table) == ["condition", "seed", *FEW.measure(*FEW.jobs()[0])]
     keys = list(zip(table.condition, table.seed, table.episode, strict=True))
     assert keys == [(label, seed, episode) for label in FEW.conditions for seed in FEW.seeds for episode in (1, 2)]
     assert {str(kind) for kind in table.dtypes[2:]} == {"float32"}

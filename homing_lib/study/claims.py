@@ -7,9 +7,8 @@ all others: every comparison of steps is therefore made twice (`Comparison`), an
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -18,20 +17,19 @@ from homing_lib.settings import Settings
 from homing_lib.study import measures, studies
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import Study, episodes_of, load_table
-from homing_lib.study.statistics import MARGIN, Interval, interval, iqm, judged, ratio, side
+from homing_lib.study.statistics import Interval, interval, iqm, judged, ratio, side
 
 Verdict = Literal["reproduced", "partly reproduced", "not reproduced", "not shown", "not testable here"]
 
-
 _Judged = tuple[Verdict, str]
-_Judge = TypeVar("_Judge", bound=Callable[..., tuple[Verdict, str]])
+_Judge = Callable[..., _Judged]
 
 
 class Claim(NamedTuple):
     """What the paper says, in short; what judges it; the studies whose tables that takes."""
 
     text: str
-    judge: Callable[..., _Judged]
+    judge: _Judge
     studies: tuple[Study, ...]
 
 
@@ -49,8 +47,7 @@ def claim(number: int, text: str, *needed: Study) -> Callable[[_Judge], _Judge]:
     return judged_by
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """What was found about a claim. str() is a paragraph in Markdown."""
 
     number: int
@@ -75,9 +72,7 @@ def judge(number: int) -> Finding:
 
 def table(numbers: Iterable[int] = CLAIMS) -> str:
     """Verdicts as a table in Markdown."""
-    rows = [
-        f"| C{found.number} | {found.claim} | **{found.verdict}** | {found.effect} |" for found in map(judge, numbers)
-    ]
+    rows = [f"| C{one.number} | {one.claim} | **{one.verdict}** | {one.effect} |" for one in map(judge, numbers)]
     return "\n".join(["| | claim | verdict | effect |", "|---|---|---|---|", *rows])
 
 
@@ -110,11 +105,8 @@ class Comparison(NamedTuple):
 
     @property
     def word(self) -> str:
-        """What `statistics.judged` says of both; if that is not the same, open, or comparable where it is so small."""
-        words = {judged(self.typical), judged(self.mean)}
-        if len(words) == 1:
-            return words.pop()
-        return "comparable" if all(found.low > 1 / MARGIN and found.high < MARGIN for found in self) else "open"
+        """What `statistics.judged` says of both together."""
+        return judged(*self)
 
     @property
     def side(self) -> Literal["below", "above", "open"]:
@@ -147,11 +139,8 @@ def of_change(of: Any, ours: str, theirs: str) -> Interval:
 
 def at_best_step_size(mapped: Any) -> dict[str, Array]:
     """Late steps of each rule at that of its step sizes at which they are least. mapped: of `LAMBDA_MAP`."""
-    found = {}
-    for rule in studies.RULES:
-        tried = [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES]
-        found[rule] = min(tried, key=lambda steps: float(steps.mean()))
-    return found
+    tried = {rule: [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES] for rule in studies.RULES}
+    return {rule: min(several, key=np.mean) for rule, several in tried.items()}
 
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:
@@ -207,9 +196,9 @@ def conjugate_lambda(of: Any, mapped: Any) -> _Judged:
     best = min(fixed, key=lambda rule: late(of, rule).mean())
     told = "; ".join(f"{name}: {count}" for name, count in counts.items())
     change = of_change(of, "form 2", best)
-    verdict: Verdict = "partly reproduced" if min(counts.values()) > len(fixed) / 2 else "not reproduced"
+    least = min(counts.values())
     return (
-        "reproduced" if min(counts.values()) == len(fixed) else verdict,
+        "reproduced" if least == len(fixed) else "partly reproduced" if least > len(fixed) / 2 else "not reproduced",
         f"Better or comparable, of {len(fixed)} fixed values: {told}. Against the fixed one of the least mean, {best}, "
         f"at the default step size: {of_steps(of, 'form 2', best):.2f} of its steps, {change:.2f} of its change.",
     )
@@ -220,9 +209,9 @@ def within_twenty_episodes(references: Any, long: Any) -> _Judged:
     """The last episodes of 20 take fewer steps than the first, and 180 more save less than a fifth of them."""
     of_first = compare(late(references, "learnt"), early(references, "learnt"))
     of_twenty = compare(episodes_of(long, "form 2")[:, -20:].mean(axis=1), late(references, "learnt"))
-    learnt: Verdict = "reproduced" if min(found.low for found in of_twenty) > 0.8 else "partly reproduced"
+    done = min(found.low for found in of_twenty) > 0.8
     return (
-        learnt if of_first.side == "below" else "not reproduced",
+        "not reproduced" if of_first.side != "below" else "reproduced" if done else "partly reproduced",
         f"On the atlas, the last {WINDOW} of 20 episodes take {of_first:.2f} of the steps of the first {WINDOW}, and "
         f"the last 20 of 200 take {of_twenty:.2f} of those.",
     )
@@ -235,9 +224,8 @@ def from_almost_anywhere(trials: Any, references: Any) -> _Judged:
     found = success(placed)
     worst = placed.groupby(["x", "y"]).reached.mean().min()
     by_chance = _interval((episodes_of(references, "random") <= measures.TRIAL_STEPS).mean(axis=1))
-    partly: Verdict = "partly reproduced" if found.low > 0.5 else "not reproduced"
     return (
-        "reproduced" if found.low >= 0.95 else partly,
+        "reproduced" if found.low >= 0.95 else "partly reproduced" if found.low > 0.5 else "not reproduced",
         f"After 20 episodes {_percent(found)} % of the trials reach home within {measures.TRIAL_STEPS} steps, from the "
         f"worst place {worst:.0%}; random actions, from the usual start alone, which is a hard one, "
         f"{_percent(by_chance)} %.",
@@ -250,9 +238,8 @@ def kidnapped(trials: Any) -> _Judged:
     trained = trials[(trials.light == 1) & (trials.condition == "20 episodes")]
     carried, begun = (trained[trained.kidnapped == so].groupby("seed").reached.mean() for so in (1, 0))
     found = _interval((carried - begun).to_numpy(float))
-    shown: Verdict = "not reproduced" if found.high < -0.05 else "not shown"
     return (
-        "reproduced" if found.low > -0.05 else shown,
+        "reproduced" if found.low > -0.05 else "not reproduced" if found.high < -0.05 else "not shown",
         f"The share that reaches home differs by {_percent(found, '+')} percentage points from that of robots which "
         "start at such places. It follows from the model: there is no memory that a kidnapper could confuse.",
     )
@@ -278,12 +265,13 @@ def exponential_change(of: Any) -> _Judged:
     changes = list(change_by_episode(of, settings).values())
     rng = np.random.default_rng(0)
     falls = [ratio(one[:, -WINDOW:].mean(1), one[:, :WINDOW].mean(1), rng) for one in changes]
+    fell = [side(fall, 1) == "below" for fall in falls]
     number, logarithm = np.arange(1, settings.episodes + 1), np.log(changes[0].mean(axis=0))
     exponential = np.corrcoef(logarithm, number)[0, 1] ** 2
     hyperbolic = np.corrcoef(logarithm, np.log(settings.first_episode + number))[0, 1] ** 2
-    partly: Verdict = "partly reproduced" if side(falls[0], 1) == "below" else "not reproduced"
+    shown = exponential > hyperbolic and fell[2]
     return (
-        "reproduced" if exponential > hyperbolic and side(falls[2], 1) == "below" else partly,
+        "reproduced" if shown else "partly reproduced" if fell[0] else "not reproduced",
         f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per "
         f"step and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
         f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "
@@ -298,9 +286,8 @@ def wall_penalty(parts: Any) -> _Judged:
     more = {label: _interval(at_walls(parts, label) - at_walls(parts, "default")) for label in labels}
     steps = {label: of_steps(parts, label, "default") for label in labels}
     helps = [side(more[label], 0) == "above" for label in labels[:2]]
-    partly: Verdict = "partly reproduced" if any(helps) else "not shown"
     return (
-        "reproduced" if all(helps) else partly,
+        "reproduced" if all(helps) else "partly reproduced" if any(helps) else "not shown",
         f"The share of the steps at walls changes by {more[labels[0]]:+.1f} percentage points without the penalty, and "
         f"by {more[labels[1]]:+.1f} without learning there (and so without the penalty, which is not learnt from). "
         f"A penalty of 5 in place of {Settings().wall_penalty:g} changes it by {more[labels[2]]:+.1f}, and an episode "
@@ -324,22 +311,15 @@ def around_the_ninth(of: Any) -> _Judged:
 @claim(14, "one snapshot does better than three", studies.PARTS)
 def one_snapshot(parts: Any) -> _Judged:
     """With three, an episode takes more steps."""
-    found = of_steps(parts, "three snapshots", "default")
-    return (
-        _if_above(found.side),
-        f"With three, {Settings().snapshot_angle_deg:g} degrees apart, an episode takes {found:.2f} of the steps. "
-        "(Similarity is then the mean of three comparisons: what passes for home changes too.)",
-    )
+    how = f"With three, {Settings().snapshot_angle_deg:g} degrees apart,"
+    also = " (Similarity is then the mean of three comparisons: what passes for home changes too.)"
+    return _worse_with(parts, "three snapshots", how, also)
 
 
 @claim(16, "a cost of 1/t helps against a constant one", studies.PARTS)
 def falling_cost(parts: Any) -> _Judged:
     """With a constant cost, an episode takes more steps."""
-    found = of_steps(parts, "constant cost", "default")
-    return (
-        _if_above(found.side),
-        f"With a constant cost (the mean of 1/t over 100 steps) an episode takes {found:.2f} of the steps.",
-    )
+    return _worse_with(parts, "constant cost", "With a constant cost (the mean of 1/t over 100 steps)")
 
 
 @claim(17, "tens of episodes suffice where the earlier model took hundreds", studies.LAMBDA, studies.PARTS)
@@ -361,7 +341,8 @@ def _percent(share: Interval, sign: str = "") -> str:
     return format(Interval(*(100 * end for end in share)), f"{sign}.1f")
 
 
-def _if_above(where: Literal["below", "above", "open"]) -> Verdict:
-    """What is taken away was a help, if without it there is more."""
+def _worse_with(parts: Any, condition: str, how: str, also: str = "") -> _Judged:
+    """Reproduced if an episode takes more steps with a part changed or taken away."""
+    found = of_steps(parts, condition, "default")
     verdicts: dict[str, Verdict] = {"above": "reproduced", "below": "not reproduced", "open": "not shown"}
-    return verdicts[where]
+    return verdicts[found.side], f"{how} an episode takes {found:.2f} of the steps.{also}"

@@ -20,54 +20,29 @@ from homing_lib.thresholds import stopping_thresholds
 WINDOW = 5
 """Episodes at each end of a run that are compared: the first five with the last five."""
 
-EPISODE_COLUMNS = (
-    "episode",  # 1, 2, ...
-    "steps",
-    "reached",  # 1: ended at home, 0: truncated
-    "return",  # sum of the rewards
-    "change",  # sum of the lengths of the weights' changes
-    "lambda",  # mean
-    "clipped",  # share of steps
-    "at_wall",  # share of steps
-    "distance_m",  # of the last pose from home
-    "angle_deg",  # of the last heading to home's
-    "diverged",  # 1: the weights had left the finite numbers; no other number then
-)
-"""What `episodes` keeps, one row per episode."""
-
-
-# --- What is kept of a run -------------------------------------------------------------------------------------------
-
 
 def episodes(settings: Settings, seed: int) -> Columns:
-    """One row per episode, EPISODE_COLUMNS; those after a divergence too."""
+    """One row per episode, those after a divergence too."""
     return episode_table(run(settings, seed))
 
 
 def episode_table(result: Run) -> Columns:
-    """The episodes of a run as columns."""
-    count, done = result.settings.episodes, len(result.lengths)
-    table = {name: np.full(count, np.nan) for name in EPISODE_COLUMNS}
-    table["episode"] = np.arange(1.0, count + 1)
-    table["diverged"] = (table["episode"] > done).astype(float)
-    if done:
-        starts, last = result.ended - result.lengths, result.steps[result.ended - 1]
-        total = dict(zip(STEP_COLUMNS, np.add.reduceat(result.steps, starts.astype(int)).T, strict=True))
-        home = room_named(result.settings.room).home
-        finished = {
-            "steps": result.lengths,
-            "reached": result.reached,
-            "return": total["reward"],
-            "change": total["change"],
-            "lambda": total["lambda"] / result.lengths,
-            "clipped": total["clipped"] / result.lengths,
-            "at_wall": total["at_wall"] / result.lengths,
-            "distance_m": np.hypot(last[:, 0] - home.x, last[:, 1] - home.y),
-            "angle_deg": [abs(degrees(wrapped(heading - home.heading))) for heading in last[:, 2]],
-        }
-        for name, values in finished.items():
-            table[name][:done] = values
-    return table
+    """The episodes of a run as columns; of those that it did not finish, only `episode` and `diverged` are numbers."""
+    home, ended, lengths = room_named(result.settings.room).home, result.ended, result.lengths
+    total = dict(zip(STEP_COLUMNS, np.add.reduceat(result.steps, ended - lengths).T, strict=True))
+    last = result.steps[ended - 1]
+    finished = {
+        "steps": lengths,
+        "reached": result.reached,  # 1: ended at home, 0: truncated
+        "return": total["reward"],
+        "change": total["change"],  # sum of the lengths of the weights' changes
+        **{name: total[name] / lengths for name in ("lambda", "clipped", "at_wall")},
+        "distance_m": np.hypot(last[:, 0] - home.x, last[:, 1] - home.y),  # of the last pose from home
+        "angle_deg": [abs(degrees(wrapped(heading - home.heading))) for heading in last[:, 2]],
+    }
+    number, lost = np.arange(1.0, result.settings.episodes + 1), result.settings.episodes - len(lengths)
+    padded = {name: np.r_[values, np.full(lost, np.nan)] for name, values in finished.items()}
+    return {"episode": number, **padded, "diverged": (number > len(lengths)).astype(float)}
 
 
 TRIAL_STEPS = 300
@@ -75,6 +50,8 @@ TRIAL_STEPS = 300
 
 TRIAL_LIGHTS = (1.0, 0.97, 1.03)
 """Brightness of the trials: as learnt, and changed so little that home still looks like home."""
+
+_KIDNAPPED_AT = 8
 
 
 def trials(settings: Settings, seed: int) -> Columns:
@@ -107,9 +84,6 @@ def trials(settings: Settings, seed: int) -> Columns:
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
 
-_KIDNAPPED_AT = 8
-
-
 class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
     """The same world, in which somebody carries the robot to another pose after some steps."""
 
@@ -118,7 +92,6 @@ class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._home_env, self._after, self._pose = env, after, pose
 
     def reset(self, **arguments: Any) -> Any:
-        """Begin an episode."""
         self._left = self._after
         return super().reset(**arguments)
 
@@ -163,11 +136,8 @@ def shortest(settings: Settings, seed: int) -> Columns:
     the cells hide. Moves that a wall stops are left out.
     """
     found: list[float] = []
-
-    def afterwards(env: HomingEnv, agent: Agent) -> None:
-        found.append(_search(env))
-
-    run(settings.with_changes(episodes=1, controller="random"), seed, afterwards=afterwards)
+    now = settings.with_changes(episodes=1, controller="random")
+    run(now, seed, afterwards=lambda env, agent: found.append(_search(env)))
     return {"steps": np.array(found)}
 
 

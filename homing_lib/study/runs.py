@@ -17,7 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -36,8 +36,8 @@ from homing_lib.atlas import open_atlas
 from homing_lib.errors import RESUMES, DamagedFile, UserError
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
-from homing_lib.settings import Settings, parse_settings
-from homing_lib.storage import ROOT, missing, read_arrays, remove_leftovers, write_arrays, write_bytes
+from homing_lib.settings import Settings
+from homing_lib.storage import ROOT, missing, read_arrays, write_arrays, write_bytes
 
 DATA = ROOT / "data"
 """What is committed: complete runs of the headline, and one table for every other study."""
@@ -64,9 +64,9 @@ _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 class Study:
     """A question put to the robot: some conditions, each run with the same seeds.
 
-    reason: why it is asked; conditions: settings by their labels; seeds: of every condition. measure: the table of one
-    run; the study is stored as one table of all, data/<name>.parquet. Without it, the runs themselves are stored, with
-    every step, under data/<name>/. atlases: of further settings that the measure looks at.
+    reason: why it is asked; conditions: settings by their labels. measure: the table of one run; all are stored as one,
+    data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: of further
+    settings that the measure looks at.
     """
 
     name: str
@@ -125,7 +125,7 @@ def load(path: Path) -> Run:
 
 def _run(path: Path, about: dict[str, Any], arrays: dict[str, Any]) -> Run:
     try:
-        return Run(parse_settings(about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
+        return Run(Settings(**about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
     except (KeyError, TypeError, UserError) as error:
         raise DamagedFile(f"{path}: damaged file ({error}); {_REMEDY}") from None
 
@@ -140,18 +140,14 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _made_by() -> dict[str, str]:
+    made_by = dict.fromkeys(_PACKAGES, "none")
+    for package in _PACKAGES:
+        with suppress(PackageNotFoundError):
+            made_by[package] = version(package)
     source = hashlib.sha256()
     for file in sorted(Path(homing_lib.__file__).parent.rglob("*.py")):
         source.update(file.name.encode() + file.read_bytes())
-    packages = {package: _version(package) for package in _PACKAGES}
-    return packages | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "none"
+    return made_by | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
 
 
 MADE_BY = _made_by()
@@ -170,8 +166,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     """
     if study.measure and not force and _table_is_current(study):
         return 0
-    for folder in (study.folder, study.table.parent):
-        remove_leftovers(folder)
+    _remove_leftovers(study)
     before = _read_manifest(study)
     todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
     client = _connect(cluster) if cluster and todo else None  # before anything changes
@@ -187,6 +182,14 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     origins = _write_table(study) if study.measure else [MADE_BY]
     _write_manifest(study, origins, before)
     return len(todo)
+
+
+def _remove_leftovers(study: Study) -> None:
+    """Remove what processes that are gone were writing when they were killed."""
+    for part in (*study.folder.glob(".*.part*"), *DATA.glob(".*.part*")):
+        process = part.name.rpartition(".part")[0].rpartition(".")[2]
+        if process.isdecimal() and not psutil.pid_exists(int(process)):
+            part.unlink(missing_ok=True)
 
 
 _Job = tuple[Settings, int]
@@ -328,17 +331,16 @@ def load_study(study: Study) -> dict[str, list[Run]]:
 def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
     """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
 
-    Of what a run that diverged did not finish, the sums are NaN, and the steps are `max_steps`.
+    Of what a run that diverged did not finish, the sums are NaN, and the steps are `max_steps`: it would not come home.
     """
     table = np.full((len(runs), max(one.settings.episodes for one in runs)), np.nan)
     for row, one in zip(table, runs, strict=True):
         if column is None:
+            row[: one.settings.episodes] = one.settings.max_steps
             row[: len(one.lengths)] = one.lengths
-            row[: one.settings.episodes] = _capped(row[: one.settings.episodes], one.settings)
         else:
-            ends = np.cumsum(one.lengths)
-            sums = np.concatenate([[0.0], np.cumsum(one.column(column))])
-            row[: len(ends)] = sums[ends] - sums[ends - one.lengths]
+            sums = np.cumsum([0.0, *one.column(column)])
+            row[: len(one.lengths)] = np.diff(sums[[0, *one.ended]])
     return table
 
 
@@ -346,15 +348,10 @@ def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
     """The same of a study's table: shape (runs, episodes), seeds in order."""
     rows = table[table.condition == condition].sort_values(["seed", "episode"])
     values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
-    return _capped(values, Settings()) if column == "steps" else values
+    return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
 
 
-def _capped(steps: Array, settings: Settings) -> Array:
-    """A robot that diverged would not come home: the steps that it has not are the most there are."""
-    return np.where(np.isnan(steps), settings.max_steps, steps)
-
-
-# --- Tables -------------------------------------------------------------------------------------------------------
+# --- Tables and manifests ---------------------------------------------------------------------------------------------
 
 
 def load_table(study: Study) -> pd.DataFrame:
@@ -382,9 +379,6 @@ def _write_table(study: Study) -> list[dict[str, str]]:
     return origins
 
 
-# --- Manifests ----------------------------------------------------------------------------------------------------
-
-
 def _manifest(study: Study) -> Path:
     return study.table.with_suffix(".json")
 
@@ -402,19 +396,19 @@ def _read_manifest(study: Study) -> dict[str, Any]:
     """The manifest, empty if there is none."""
     try:
         manifest = json.loads(_manifest(study).read_text(encoding="utf-8"))
+        if not isinstance(manifest, dict) or not isinstance(manifest.get("sha256"), dict):
+            raise ValueError("no hashes of the files that it is about")
     except FileNotFoundError:
         return {}
     except ValueError as error:
         raise DamagedFile(f"{_manifest(study)}: damaged file ({error}); {_REMEDY}") from None
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("sha256"), dict):
-        raise DamagedFile(f"{_manifest(study)}: damaged file (no hashes of the files that it is about); {_REMEDY}")
     return manifest
 
 
 def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: Mapping[str, Any]) -> None:
     """Say what made the stored files. If they came out the same again, that is still what first made them."""
     now = study.definition() | {"sha256": {file.name: _sha256(file) for file in _files(study)}}
-    same = all(before.get(name) == value for name, value in now.items())
+    same = {**before, **now} == before
     made_by = {name: ", ".join(sorted({origin[name] for origin in origins})) for name in MADE_BY}
     now["made by"] = before["made by"] if same else made_by
     if now != _read_manifest(study):
@@ -430,34 +424,24 @@ def _check(file: Path, manifest: Mapping[str, Any]) -> None:
 def _table_is_current(study: Study) -> bool:
     """Whether the stored table is of this very study. Raises DamagedFile if it is, but is not as it was written."""
     manifest = _read_manifest(study)
-    if any(manifest.get(name) != value for name, value in study.definition().items()):
-        return False
-    if study.table.name not in manifest["sha256"] or not study.table.exists():
-        return False
-    _check(study.table, manifest)
-    return True
+    of_this_study = manifest | study.definition() == manifest
+    if current := of_this_study and study.table.name in manifest["sha256"] and study.table.exists():
+        _check(study.table, manifest)
+    return current
 
 
 def fingerprint(studies: Iterable[Study]) -> str:
     """A hash of the stored content of some studies: it changes when, and only when, the data do."""
-    digest = hashlib.sha256()
-    for study in studies:
-        for file in _files(study):
-            digest.update((file.name + _sha256(file)).encode())
-    return digest.hexdigest()
-
-
-# --- The same again -----------------------------------------------------------------------------------------------
+    contents = "".join(file.name + _sha256(file) for study in studies for file in _files(study))
+    return hashlib.sha256(contents.encode()).hexdigest()
 
 
 def compare(stored: Run, live: Run) -> str:
     """How a repeated run stands to the stored one: "to the bit", "within tolerance", or "not"."""
-    pairs: list[tuple[Any, Any]] = [(getattr(stored, name), getattr(live, name)) for name in _ARRAYS]
-    if stored.diverged != live.diverged:
-        return "not"
+    pairs: list[tuple[Any, Any]] = [(getattr(stored, name), getattr(live, name)) for name in (*_ARRAYS, "diverged")]
     if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
         return "to the bit"
-    if all(a.shape == b.shape and np.allclose(a, b, TOLERANCE, TOLERANCE, equal_nan=True) for a, b in pairs):
+    if all(np.shape(a) == np.shape(b) and np.allclose(a, b, TOLERANCE, TOLERANCE, True) for a, b in pairs):
         return "within tolerance"
     return "not"
 
@@ -468,8 +452,8 @@ def verify(study: Study) -> str:
     stored = load(path_of(study.folder, settings, seed))
     with tqdm(total=settings.episodes, desc="live run: episodes", unit="episode") as bar:
         live = run(settings, seed, after_episode=lambda _: bar.update())
-    outcome = compare(stored, live)
     what = f"seed {seed}, {settings.episodes} episodes, {len(live.steps)} steps"
+    outcome = compare(stored, live)
     if outcome == "to the bit":
         return f"This machine reproduces the stored run to the bit ({what})."
     if outcome == "within tolerance":

@@ -52,15 +52,15 @@ def side(estimate: Interval, reference: float) -> Literal["below", "above", "ope
     return "below" if estimate.high < reference else "above" if estimate.low > reference else "open"
 
 
-def judged(found: Interval) -> Literal["better", "worse", "comparable", "open"]:
-    """What a ratio of steps says: less than 1 is better; comparable if all of the interval lies within MARGIN.
+def judged(*found: Interval) -> Literal["better", "worse", "comparable", "open"]:
+    """What ratios of the same steps all say: less than 1 is better; comparable if every interval lies within MARGIN.
 
-    Open, which is not comparable: it holds 1, and more than MARGIN on one side.
+    Open, which is not comparable: one holds 1, or they lie on both sides of it, and one reaches beyond MARGIN.
     """
-    where = side(found, 1)
-    if where != "open":
-        return "better" if where == "below" else "worse"
-    return "comparable" if found.low > 1 / MARGIN and found.high < MARGIN else "open"
+    where = {side(one, 1) for one in found}
+    if len(where) == 1 and "open" not in where:
+        return "better" if "below" in where else "worse"
+    return "comparable" if all(one.low > 1 / MARGIN and one.high < MARGIN for one in found) else "open"
 
 
 def ratio(
@@ -80,7 +80,5 @@ def _bootstrap(rng: np.random.Generator, statistic: Callable[..., Any], *samples
     value = float(statistic(*data, axis=-1))
     if data[0].size < 2:
         return Interval(value, np.nan, np.nan)  # one run says nothing of how runs differ
-    found = stats.bootstrap(
-        data, statistic, n_resamples=RESAMPLES, method="percentile", vectorized=True, paired=True, rng=rng
-    )
+    found = stats.bootstrap(data, statistic, n_resamples=RESAMPLES, method="percentile", paired=True, rng=rng)
     return Interval(value, float(found.confidence_interval.low), float(found.confidence_interval.high))

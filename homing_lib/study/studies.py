@@ -4,7 +4,7 @@ What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then
 of `Settings`. Everything that is judged runs on seeds from 1000 up.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -20,9 +20,12 @@ JUDGED = range(1000, 1050)
 _LISTED: list[Callable[[], Study]] = []
 
 
-def study(*what: Any) -> Study:
-    """A `Study` of these fields, on the list of those that `homing studies` shows and `make data` computes."""
-    made = Study(*what)
+def study(name: str, reason: str, conditions: Mapping[str, Settings], *how: Any) -> Study:
+    """A `Study` on the list of those that `homing studies` shows and `make data` computes.
+
+    how: seeds, measure and atlases; by default the seeds that are judged by, and a table of episodes.
+    """
+    made = Study(name, reason, conditions, *(how or (JUDGED, episodes)))
     _LISTED.append(lambda: made)
     return made
 
@@ -53,8 +56,6 @@ LAMBDA = study(
     "Does the conjugate lambda do better than fixed ones, or as well (claim C2)? With the camera, at the default step "
     "size; form 2 is the headline in fifty runs.",
     {label: _CAMERA.with_changes(lambda_rule=rule) for label, rule in RULES.items()},
-    JUDGED,
-    episodes,
 )
 
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
@@ -68,8 +69,6 @@ LAMBDA_MAP = study(
         for label, rule in RULES.items()
         for alpha in STEP_SIZES
     },
-    JUDGED,
-    episodes,
 )
 
 AS_PRINTED: dict[str, dict[str, Any]] = {
@@ -98,8 +97,6 @@ PRINTED = study(
     "printed",
     "What does each error of the print, and each reading of it, change? One at a time against the defaults.",
     {"default": _ATLAS} | {label: _ATLAS.with_changes(**changes) for label, changes in AS_PRINTED.items()},
-    JUDGED,
-    episodes,
 )
 
 PARTS = study(
@@ -121,8 +118,6 @@ PARTS = study(
         "60 degrees of view": _COARSER.with_changes(field_of_view_deg=60.0),
         "wheels that slip by a tenth": _COARSER.with_changes(wheel_slip=0.1),
     },
-    JUDGED,
-    episodes,
 )
 
 AFTER = study(
@@ -142,8 +137,6 @@ ROOMS = study(
         for room in ("paper", "divided", "attic")
         for controller in ("sarsa", "random")
     },
-    JUDGED,
-    episodes,
 )
 
 LONG = study(
@@ -153,8 +146,6 @@ LONG = study(
         label: _ATLAS.with_changes(episodes=200, lambda_rule=RULES[label])
         for label in ("form 2", "fixed 0", "fixed 0.5", "fixed 0.9")
     },
-    JUDGED,
-    episodes,
 )
 
 REFERENCES = study(
@@ -165,16 +156,10 @@ REFERENCES = study(
         "random": _ATLAS.with_changes(controller="random"),
         "walk up the similarity": _ATLAS.with_changes(controller="climb"),
     },
-    JUDGED,
-    episodes,
 )
 
 SHORTEST = study(
-    "shortest",
-    "The least number of steps that the robot's actions allow.",
-    {"shortest": _ATLAS},
-    range(1000, 1010),
-    shortest,
+    "shortest", "The least number of steps that the robot's actions allow.", {"shortest": _ATLAS}, JUDGED[:10], shortest
 )
 
 LATTICES = {
@@ -188,8 +173,6 @@ LATTICE_RUNS = study(
     "lattice-runs",
     "Does learning on an atlas differ from learning with the camera (form 2 of `lambda`), and from which lattice on?",
     LATTICES,
-    JUDGED,
-    episodes,
 )
 
 LATTICE_VIEWS = study(
@@ -221,9 +204,8 @@ def _candidates(count: int = 160) -> dict[str, Settings]:
         values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
         label = " ".join(str(value) for value in values.values())
         exploration = values.pop("exploration")
-        greedy = isinstance(exploration, str)
-        explore = {"mixture": exploration if greedy else "normalised", "tau0": 0.03 if greedy else exploration}
-        drawn[label] = Settings().with_changes(images="atlas", **explore, **values)
+        mixture, tau0 = (exploration, 0.03) if isinstance(exploration, str) else ("normalised", exploration)
+        drawn[label] = _ATLAS.with_changes(mixture=mixture, tau0=tau0, **values)
     return drawn
 
 
@@ -261,8 +243,6 @@ def finalists() -> Study:
 
 _LISTED.append(finalists)
 
-# --- All of them -----------------------------------------------------------------------------------------------------
-
 
 def in_order() -> Iterator[Study]:
     """All studies as they stand here; the last needs the table of the one before it."""
@@ -282,23 +262,19 @@ def page() -> str:
     ]
     for one in in_order():
         seeds = f"{min(one.seeds)} to {max(one.seeds)}"
-        parts += [
-            f"## {one.name}",
-            one.reason,
-            f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}.",
-            _conditions(one),
-        ]
+        scope = f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}."
+        parts += [f"## {one.name}", one.reason, scope, _conditions(one)]
     return "\n\n".join(parts) + "\n"
 
 
 def _conditions(of: Study) -> str:
-    """The conditions of a study as a table; those of a large grid or search as the values that each setting takes."""
+    """The conditions of a study as a table; more than twenty as the values that each setting takes."""
     default = Settings().model_dump()
     every = [settings.model_dump() for settings in of.conditions.values()]
     taken = {name: sorted({values[name] for values in every}) for name in default}
-    shared = {name: values[0] for name, values in taken.items() if len(values) == 1 and values[0] != default[name]}
+    shared = [f"`{name} = {one}`" for name, (one, *more) in taken.items() if not more and one != default[name]]
     varied = {name: values for name, values in taken.items() if len(values) > 1}
-    if len(every) > _ROWS:
+    if len(every) > 20:
         rows = ["| setting | values |", "|---|---|"]
         rows += [f"| `{name}` | {', '.join(f'`{v}`' for v in values)} |" for name, values in varied.items()]
     else:
@@ -306,9 +282,4 @@ def _conditions(of: Study) -> str:
         for label, values in zip(of.conditions, every, strict=True):
             changed = [f"`{name} = {values[name]}`" for name in varied if values[name] != default[name]]
             rows.append(f"| {label} | {', '.join(changed) or 'as by default'} |")
-    common = ", ".join(f"`{name} = {value}`" for name, value in shared.items())
-    return "\n".join([f"All with {common}.\n"] * bool(common) + rows)
-
-
-_ROWS = 20
-"""More conditions than this are told by the values that their settings take."""
+    return "\n".join([f"All with {', '.join(shared)}.\n"] * bool(shared) + rows)

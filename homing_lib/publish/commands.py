@@ -1,0 +1,181 @@
+"""The `homing` command."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from homing_lib.errors import RESUMES, UserError
+from homing_lib.settings import Settings
+from homing_lib.storage import write_bytes
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code. A user's mistake is one line on standard error."""
+    try:
+        options = _parser().parse_args(arguments)
+        options.command(options)
+    except (UserError, OSError) as error:
+        print(f"homing: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"homing: interrupted; {RESUMES}", file=sys.stderr)
+        return 130
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; see `{self.prog} --help`")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="homing", description="A robot that learns its way home, and its study.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, function: Any, text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=text)
+        added.set_defaults(command=function)
+        return added
+
+    run = command("run", _run, "one experiment, with the camera; prints a summary")
+    run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
+    film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
+    for one, seed in ((run, 0), (film, 1000)):
+        one.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}")
+        one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
+    film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
+    film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
+    command("settings", _settings, "every setting, its default and its source")
+    data = command("data", _data, "check the stored runs and compute those that are missing")
+    data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
+    data.add_argument("--force", action="store_true", help="compute all runs from scratch")
+    sweep = command("sweep", _sweep, "compute what is missing of one study")
+    sweep.add_argument("study", help="one that `homing studies` lists")
+    sweep.add_argument("--force", action="store_true", help="compute all its runs from scratch")
+    where = sweep.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", type=_workers, default=-1, help="processes on this machine; by default -1, one per core"
+    )
+    where.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="use the workers of this Dask scheduler instead: `dask scheduler` prints its address, `dask worker "
+        "--nthreads 1 ADDRESS` starts one worker, wherever this same version is installed",
+    )
+    command("studies", _studies, "every study, its reason, its size")
+    command("verify", _verify, "repeat a stored run live and compare it to the bit")
+    notebook = command("notebook", _notebook, "execute a notebook and list what it wrote")
+    notebook.add_argument("name")
+    notebook.add_argument("--profile", choices=("full", "quick"), default="full")
+    notebook.add_argument("--output-dir", type=Path)
+    notebook.add_argument("--figures-dir", type=Path)
+    command("report", _report, "the numbers and tables of the report, as LaTeX")
+    command("summary", _summary, "the headline numbers")
+    return parser
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r}: must be 0, 1, 2, ...")
+    return int(text)
+
+
+def _workers(text: str) -> int:
+    if text != "-1" and (not text.isdecimal() or int(text) == 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be 1, 2, ... processes, or -1 for one per core")
+    return int(text)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from homing_lib import agent
+    from homing_lib.study import runs
+
+    settings = changed_settings(options.set)
+    # Late, so that it does not stand beside a refusal.
+    with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
+        result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
+    print(f"steps per episode: {' '.join(str(length) for length in result.lengths)}")
+    print(f"home reached in {result.reached.sum()} of {settings.episodes} episodes")
+    if result.diverged:
+        print(f"diverged in episode {result.diverged}")
+    if options.out:
+        runs.save(result, options.out)
+
+
+def _film(options: argparse.Namespace) -> None:
+    from homing_lib.publish.film import film
+
+    film(changed_settings(options.set), options.seed, options.episode, options.out)
+
+
+def changed_settings(changes: Sequence[str]) -> Settings:
+    """Settings from texts like "alpha0=0.003". Raises UserError."""
+    for change in changes:
+        if "=" not in change:
+            raise UserError(f"--set {change}: expected NAME=VALUE")
+    return Settings(**dict(change.split("=", 1) for change in changes))
+
+
+def _settings(_: argparse.Namespace) -> None:
+    for name, field in Settings.model_fields.items():
+        print(f"{name:24} {field.default!s:16} {field.description}")
+
+
+def _data(options: argparse.Namespace) -> None:
+    from homing_lib.study import runs, studies
+
+    for study in studies.in_order():
+        runs.sweep(study, force=options.force)
+    contents = {studies.PAGE: studies.page()}
+    if options.stamp:
+        contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
+    for path, text in contents.items():
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            write_bytes(path, text.encode())
+
+
+def _verify(_: argparse.Namespace) -> None:
+    from homing_lib.study import runs, studies
+
+    print(runs.verify(studies.HEADLINE))
+
+
+def _sweep(options: argparse.Namespace) -> None:
+    from homing_lib.study import runs, studies
+
+    for study in studies.in_order():
+        if study.name == options.study:
+            done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
+            print(f"{study.name}: {done} runs computed, {len(study.jobs())} stored")
+            return
+    raise UserError(f"study {options.study!r}: there is none of this name; `homing studies` lists them")
+
+
+def _studies(_: argparse.Namespace) -> None:
+    from homing_lib.study import studies
+
+    for study in studies.in_order():
+        print(f"{study.name:12} {len(study.conditions):3} conditions x {len(study.seeds):2} seeds  {study.reason}")
+
+
+def _notebook(options: argparse.Namespace) -> None:
+    from homing_lib.publish import notebooks
+
+    for path in notebooks.execute(options.name, options.profile, options.output_dir, options.figures_dir):
+        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _report(_: argparse.Namespace) -> None:
+    from homing_lib.publish import report
+
+    print(report.latex())
+
+
+def _summary(_: argparse.Namespace) -> None:
+    from homing_lib.publish import report
+
+    print(report.summary())
