@@ -141,7 +141,7 @@ lock:
 	  -o environment.lock
 
 compact: .venv/.ready
-	$(VENV) -c 'from homing_lib import compact; compact.write()'
+	$(VENV) -m homing_lib.publish.compact
 
 clean:
 	rm -rf .build paper/numbers.tex

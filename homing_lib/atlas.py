@@ -5,13 +5,17 @@ interpolated between lattice positions. The lattice is anchored at home, so that
 no simulator; building one does.
 """
 
+import gzip
 import hashlib
 import inspect
+import json
 import shutil
 import signal
 import sys
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -27,7 +31,7 @@ from homing_lib import features
 from homing_lib.errors import DamagedFile, UserError
 from homing_lib.features import Array
 from homing_lib.robot import INFRARED_ANGLES_DEG
-from homing_lib.rooms import Pose, Room
+from homing_lib.rooms import PAPER, Pose, Room
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, read_arrays, write_arrays
 
@@ -142,37 +146,72 @@ class Atlas:
 def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, workers: int = -1) -> Atlas:
     """The atlas of a room under these settings: loaded if a sound one is stored, else built, with progress.
 
-    It is stored under the hash of all that it depends on; a process keeps those that it has opened. One of the same
-    room and settings by other code is outdated: it is named and replaced. Building may be stopped at any time and goes
-    on from there; whoever asks meanwhile waits. workers: processes, -1 for one a core. Without PyBullet, one that other
-    packages made is as good, and UserError is raised where there is none.
+    It is stored under the hash of all that it depends on, in place of one of the same settings by other code; a process
+    keeps those that it has opened. Building may be stopped at any time and resumes from there; whoever asks meanwhile
+    waits. workers: processes, -1 for one per core. Without PyBullet, one that other packages made is as good, and
+    UserError is raised where there is none.
     """
-    folder = folder or FOLDER
-    about = {"room": room.name, "hash": digest(room, settings)}
-    asked, given, _ = about["hash"].split("-")
-    if not (folder / f"{room.name}-{about['hash']}.npz").exists() and not camera_available():
-        for stored in folder.glob(f"{room.name}-{asked}-{given}-*.npz"):
-            about["hash"] = stored.stem.removeprefix(f"{room.name}-")
-    path = folder / f"{room.name}-{about['hash']}.npz"
+    folder, name = folder or FOLDER, f"{room.name}-{digest(room, settings)}"
+    path = folder / f"{name}.npz"
+    if not path.exists() and not camera_available():
+        path = next(folder.glob(f"{name.rpartition('-')[0]}-*.npz"), path)
     if path not in _opened:
-        lattice = Lattice(room, settings)
-        arrays = _read(path, about)
+        arrays = _read(path)
         if arrays is None:
             from homing_lib import arena  # noqa: F401, which refuses here where there is nothing to build with
 
-            outdated = sorted({*folder.glob(f"{room.name}-{asked}-*.npz")} - {path})
-            for other in outdated:
-                _say(f"{other}: outdated file, of the room or the code as they were; it is built anew")
             with _alone(path):
                 # By now another process may have built it.
-                arrays = _read(path, about, quiet=True) or _build(path, about, room, settings, workers)
-            for other in outdated:
+                arrays = _read(path, quiet=True) or _build(path, room, settings, workers)
+            for other in {*folder.glob(f"{name.rsplit('-', 2)[0]}-*.npz")} - {path}:
                 other.unlink(missing_ok=True)
-        _opened[path] = Atlas(lattice, **arrays)
+        _opened[path] = Atlas(Lattice(room, settings), **arrays)
     return _opened[path]
 
 
 _opened: dict[Path, Atlas] = {}
+
+COMPACT = Path(__file__).with_name("compact.atlas")
+"""The paper's room on a coarse lattice, which comes along for machines without PyBullet (see `publish.compact`)."""
+
+
+def open_compact(room: Room, settings: Settings) -> Atlas:
+    """The atlas that comes along. Raises UserError if these settings or this room are not what it holds."""
+    held, loaded = _loaded(COMPACT)
+    usual = Settings().of_scope("lattice")  # nobody's wish; another lattice than that is asked for, and is not this one
+    for name, value in {"room": room.name, **settings.of_scope("view", "lattice")}.items():
+        if value not in (held[name], usual.get(name, held[name])):
+            raise UserError(
+                f'images = compact holds the paper\'s room with {name} = {held[name]}, not {value}; use images="atlas"'
+            )
+    return loaded
+
+
+@cache
+def _loaded(file: Path) -> tuple[dict[str, Any], Atlas]:
+    header, arrays = read_compact(file)
+    if header["room_hash"] != hashed(PAPER):
+        raise UserError(f"{file}: outdated file, of the paper's room as it was; write it anew: make compact")
+    counts = arrays["counts_high"].astype(np.uint16) << 8 | arrays["counts_low"]
+    lattice = Lattice(PAPER, Settings(**header["settings"]))
+    return {"room": PAPER.name, **header["settings"]}, Atlas(
+        lattice, counts, arrays["infrared_m"], arrays["clearance_m"]
+    )
+
+
+def read_compact(file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The first line and the arrays of such a file. Raises DamagedFile for one that is missing or not whole."""
+    try:
+        line, _, content = gzip.decompress(file.read_bytes()).partition(b"\n")
+        header, arrays, start = json.loads(line), {}, 0
+        for name, kind, shape in header["arrays"]:
+            arrays[name] = np.frombuffer(content, kind, int(np.prod(shape)), start).reshape(shape)
+            start += arrays[name].nbytes
+    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
+        what = "missing file" if isinstance(error, FileNotFoundError) else f"damaged file ({error})"
+        remedy = "install the package again or, in a clone, restore the file with git"
+        raise DamagedFile(f"{file}: {what}; {remedy}") from None
+    return header, arrays
 
 
 def digest(room: Room, settings: Settings) -> str:
@@ -199,12 +238,10 @@ def _version(package: str) -> str:
         return "none"
 
 
-def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
-    """The arrays of a file; None if there is none, or, having said so, if it is damaged or about something else."""
+def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
+    """The arrays of a file; None if there is none, or, having said so, if it is damaged."""
     try:
-        stored, arrays = read_arrays(path)
-        if stored != about:
-            raise DamagedFile(f"{path}: outdated file, of another room, camera, lattice or code than its name says")
+        _, arrays = read_arrays(path)
         if arrays.keys() != _ARRAYS:
             raise DamagedFile(f"{path}: damaged file (has {', '.join(arrays) or 'no arrays'})")
     except FileNotFoundError:
@@ -216,21 +253,20 @@ def _read(path: Path, about: dict[str, Any], *, quiet: bool = False) -> dict[str
     return arrays
 
 
-def _build(path: Path, about: dict[str, Any], room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
+def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
     """Render blocks of columns in parallel, each kept as soon as it is done, then join them into one file."""
-    n = Lattice(room, settings).nx
-    blocks = [(first, min(first + _BLOCK, n)) for first in range(0, n, _BLOCK)]
-    parts = {path.with_suffix("") / f"{first:04}.npz": {**about, "columns": [first, end]} for first, end in blocks}
-    todo = [part for part, of_part in parts.items() if _read(part, of_part) is None]
+    n, folder = Lattice(room, settings).nx, path.with_suffix("")
+    blocks = {folder / f"{i:04}-{min(i + _BLOCK, n):04}.npz": range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)}
+    todo = [part for part in blocks if _read(part) is None]
     rendered = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", initializer=_leave_interrupts)(
-        joblib.delayed(_render_block)(part, parts[part], room, settings) for part in todo
+        joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
     )
-    for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(parts), initial=len(parts) - len(todo)):
+    for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(blocks), initial=len(blocks) - len(todo)):
         pass
-    columns = [read_arrays(part)[1] for part in parts]
+    columns = [read_arrays(part)[1] for part in blocks]
     arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
-    write_arrays(path, about, **arrays)
-    shutil.rmtree(path.with_suffix(""), ignore_errors=True)
+    write_arrays(path, {}, **arrays)
+    shutil.rmtree(folder, ignore_errors=True)
     return arrays
 
 
@@ -239,7 +275,7 @@ def _leave_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Settings) -> None:
+def _render_block(part: Path, columns: range, room: Room, settings: Settings) -> None:
     """All that can be seen, felt and touched from the columns of one block."""
     from homing_lib.arena import Arena
 
@@ -247,7 +283,7 @@ def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Setti
     pixels, bins = settings.image_size**2, 3 * features.bins_per_channel(settings.bin_size)
     counts, infrared, clearances = [], [], []
     with Arena(room, settings) as world:
-        for i in range(*about["columns"]):
+        for i in columns:
             for j in range(lattice.ny):
                 x, y, _ = lattice.pose(i, j, 0)
                 clearances.append(world.clearance(x, y))
@@ -257,7 +293,7 @@ def _render_block(part: Path, about: dict[str, Any], room: Room, settings: Setti
                     infrared.append([world.infrared(pose) for pose in poses])
     write_arrays(
         part,
-        about,
+        {},
         counts=np.rint(counts).astype(np.min_scalar_type(pixels)).reshape(-1, lattice.headings, bins),
         infrared_m=np.reshape(infrared, (-1, lattice.headings, len(INFRARED_ANGLES_DEG))),
         clearance_m=np.reshape(clearances, (-1, lattice.ny)),

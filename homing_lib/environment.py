@@ -1,7 +1,8 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import lru_cache, partial
 from math import cos, isfinite, pi, radians, sin
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -9,6 +10,7 @@ import cv2
 import gymnasium
 import numpy as np
 
+from homing_lib import atlas
 from homing_lib.errors import UserError
 from homing_lib.features import Array, HomeModel, difference_variance, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
@@ -19,7 +21,6 @@ from homing_lib.thresholds import stopping_thresholds
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
-    from homing_lib.atlas import Atlas
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
 """The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges per step."""
@@ -161,30 +162,23 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.model = model
         self._sees_images = observation == "image"
-        self._survey_seed = (
-            survey_seed if isinstance(survey_seed, np.random.SeedSequence) else np.random.SeedSequence(survey_seed)
-        )
+        self._survey_seed = survey_seed
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
         self._top_view: Image | None = None
         self._under_way = self._closed = False
 
         self.world: World
         self._arena: Arena | None = None
-        self._atlas: Atlas | None = None
-        self._features: dict[int, tuple[Array, float]] = {}
-        self._features_of: HomeModel | None = None
-        if settings.images == "atlas":
-            from homing_lib.atlas import open_atlas
-
-            self.world = self._atlas = open_atlas(self.room, settings)
-        elif settings.images == "compact":
-            from homing_lib.compact import open_compact
-
-            self.world = self._atlas = open_compact(self.room, settings)
-        else:
+        self._atlas: atlas.Atlas | None = None
+        self._seen_from: Callable[[int], tuple[Array, float]]
+        self._seen_by: HomeModel | None = None
+        if settings.images == "camera":
             from homing_lib import arena
 
             self.world = self._arena = arena.Arena(self.room, settings)
+        else:
+            open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
+            self.world = self._atlas = open_one(self.room, settings)
         try:
             self.home = self._free("home", self.room.home if home is None else home)
             self._start = self._start_pose(self.room.start if start is None else start)
@@ -200,6 +194,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         if self.model is None:
             self.model = self._shared_survey()
+        if self._atlas is not None and self._seen_by is not self.model:
+            self._seen_from = lru_cache(_REMEMBERED)(partial(_seen_from, self._atlas, self.model))
+            self._seen_by = self.model
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
@@ -258,47 +255,34 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def _look(self) -> Any:
         """See from where the robot is: the observation, and `_similarity` with it."""
         assert self.model is not None
+        if self._atlas is not None:
+            features, self._similarity = self._seen_from(self._atlas.nearest(self._robot.pose))
+            return features
         if self._sees_images:
             assert self._arena is not None
             image = self._arena.image(self._robot.pose)
             self._similarity = similarity(self.model.features(histogram(image, self.settings.bin_size)))
             return np.ascontiguousarray(image[:, :, :3])
-        if self._atlas is not None:
-            features, self._similarity = self._looked_up(self._atlas, self._atlas.nearest(self._robot.pose))
-            return features.copy()
         features = self.model.features(self.world.histogram(self._robot.pose))
         self._similarity = similarity(features)
         return features
 
-    def _looked_up(self, atlas: "Atlas", number: int) -> tuple[Array, float]:
-        """Features and similarity at a lattice pose; they are the same whenever the robot comes by."""
-        assert self.model is not None
-        if self._features_of is not self.model:
-            self._features, self._features_of = {}, self.model
-        known = self._features.get(number)
-        if known is None:
-            features = self.model.features(atlas.view(number))
-            known = features, similarity(features)
-            if len(self._features) < _REMEMBERED:
-                self._features[number] = known
-        return known
-
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
         robot = self._robot
+        reflex = -1 if robot.reflex is None else robot.reflex
         return {
             "similarity": self._similarity,
             "pose": robot.pose,
             "action": driven,
-            "reflex": -1 if robot.reflex is None else robot.reflex,
+            "reflex": reflex,
             "at_wall": at_wall,
         }
 
     def _shared_survey(self) -> HomeModel:
-        seed = self._survey_seed
         on = self.settings.of_scope("view", "lattice", "survey")
-        key = repr((on, self.room, self.home, seed.entropy, seed.spawn_key))
+        key = repr((on, self.room, self.home, self._survey_seed))
         if key not in _SURVEYS:
-            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(seed))
+            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
         return _SURVEYS[key]
 
     def _start_pose(self, start: Any) -> Pose | Literal["uniform"]:
@@ -321,6 +305,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
 _REMEMBERED = 10_000
 """Views of an atlas whose features an environment keeps: some 20 MB."""
+
+
+def _seen_from(world: atlas.Atlas, model: HomeModel, number: int) -> tuple[Array, float]:
+    """Features and similarity at a lattice pose: the same whenever the robot comes by, so they must not be changed."""
+    features = model.features(world.view(number))
+    features.flags.writeable = False
+    return features, similarity(features)
+
 
 _SURVEYS: dict[str, HomeModel] = {}
 """What this process has found out about homes, by all that it depends on."""
@@ -384,8 +376,7 @@ def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generato
         seen[step] = world.histogram(robot.pose)
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
     return HomeModel(
-        snapshots,
-        difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor),
+        snapshots, difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
     )
 
 

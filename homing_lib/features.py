@@ -76,9 +76,8 @@ class HomeModel:
                 f"snapshots {self.snapshots.shape} and variance {self.variance.shape}: both must be (m, 3 B)"
             )
         # For one snapshot, vectors: no broadcasting at every step.
-        one = len(self.snapshots) == 1
-        object.__setattr__(self, "_snapshots", self.snapshots[0] if one else self.snapshots)
-        object.__setattr__(self, "_exponent", -0.5 / (self.variance[0] if one else self.variance))
+        object.__setattr__(self, "_snapshots", self.snapshots.squeeze())
+        object.__setattr__(self, "_exponent", -0.5 / self.variance.squeeze())
 
     @property
     def n_features(self) -> int:

@@ -30,15 +30,12 @@ class World(Protocol):
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the view (eq. 11), shape (3 B,)."""
-        ...
 
     def clearance(self, x: float, y: float) -> float:
         """Metres between the body centred there and the nearest obstacle; negative inside one."""
-        ...
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that each of the eight sensors sees, shape (8,)."""
-        ...
 
 
 def wrapped(angle: float) -> float:
@@ -64,17 +61,19 @@ def drive(
     A clearance changes by no more than the centre moves: an arc that is shorter than the clearance at its start needs
     no further look.
     """
-    advance = abs(left + right) / 2
+    end, advance = arc(pose, left, right, wheel_base), abs(left + right) / 2
     if not advance or clearance(pose.x, pose.y) > advance:
-        return arc(pose, left, right, wheel_base), False
+        return end, False
 
     def touches(share: float) -> bool:
         x, y, _ = arc(pose, share * left, share * right, wheel_base)
         return clearance(x, y) < 0
 
-    blocked = next((share for share in (0.25, 0.5, 0.75, 1.0) if touches(share)), None)
-    if blocked is None:
-        return arc(pose, left, right, wheel_base), False
+    for blocked in (0.25, 0.5, 0.75, 1.0):
+        if touches(blocked):
+            break
+    else:
+        return end, False
     free = blocked - 0.25
     for _ in range(10):
         middle = (free + blocked) / 2
@@ -95,7 +94,8 @@ class Robot:
         self._wheel_base, self._slip = settings.wheel_base_m, settings.wheel_slip
         self._clear_way = settings.clear_way_m
         self._commands = settings.wheel_commands_m
-        self._half_turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
+        turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
+        self._turns = (-turn, turn), (turn, -turn)
         self.place(pose)
 
     def place(self, pose: Pose) -> None:
@@ -109,17 +109,12 @@ class Robot:
         if reflex is None:
             left, right = self._commands[action]
         else:
-            action = reflex
-            right = self._half_turn if reflex == LEFT_FORWARD else -self._half_turn
-            left = -right
+            action, (left, right) = reflex, self._turns[reflex]
         if self._slip:
             left, right = (way * (1 + self._slip * rng.standard_normal()) for way in (left, right))
         self.pose, stopped = drive(self.pose, left, right, self._wheel_base, self._world.clearance)
         if stopped:
             self.reflex = LEFT_FORWARD if rng.random() < 0.5 else RIGHT_FORWARD
-        elif reflex is not None and self._way_is_clear():
+        elif reflex is not None and min(self._world.infrared(self.pose)[FRONT_SENSORS]) >= self._clear_way:
             self.reflex = None
         return action, stopped or reflex is not None
-
-    def _way_is_clear(self) -> bool:
-        return bool(self._world.infrared(self.pose)[FRONT_SENSORS].min() >= self._clear_way)

@@ -9,11 +9,10 @@ import pytest
 
 pybullet = pytest.importorskip("pybullet", reason="needs PyBullet")
 
-from homing_lib import compact
 from homing_lib.arena import Arena
-from homing_lib.atlas import Lattice
-from homing_lib.compact import open_compact
+from homing_lib.atlas import Lattice, open_compact
 from homing_lib.features import histogram, similarity
+from homing_lib.publish import compact
 from homing_lib.robot import INFRARED_ANGLES_DEG, Robot, wrapped
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings

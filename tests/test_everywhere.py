@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from homing_lib import compact
+from homing_lib import atlas
 from homing_lib.agent import run
-from homing_lib.atlas import Lattice, camera_available
+from homing_lib.atlas import COMPACT, Lattice, camera_available, open_compact, read_compact
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
+from homing_lib.publish import compact
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 
@@ -126,12 +127,12 @@ print(atlas.open_atlas(PAPER, settings, Path("{folder}"), workers=1).histogram(P
 @pytest.fixture(scope="module")
 def held():
     """What the file says and holds."""
-    return compact.read()
+    return read_compact(COMPACT)
 
 
 def test_the_compact_atlas_is_small_and_says_what_it_holds(held):
     header, arrays = held
-    assert compact.FILE.stat().st_size < 4e6
+    assert COMPACT.stat().st_size < 4e6
     settings = Settings(**header["settings"])
     lattice = Lattice(PAPER, settings)
     assert settings == compact.SETTINGS.with_changes(images="camera")
@@ -145,13 +146,13 @@ def test_the_compact_atlas_is_small_and_says_what_it_holds(held):
 
 
 def test_the_compact_atlas_is_what_the_camera_sees_to_the_bit(arena):
-    atlas, lattice = compact.open_compact(PAPER, SETTINGS), Lattice(PAPER, compact.SETTINGS)
+    looked_up, lattice = open_compact(PAPER, SETTINGS), Lattice(PAPER, compact.SETTINGS)
     rng = np.random.default_rng(0)
     for i, j, k in rng.integers((lattice.nx - 1, lattice.ny - 1, lattice.headings), size=(150, 3)):
         pose = lattice.pose(int(i), int(j), int(k))
-        assert atlas.clearance_m[i, j] == arena.clearance(*pose[:2])
-        assert np.array_equal(atlas.histogram(pose), arena.histogram(pose))
-        assert np.array_equal(atlas.infrared(pose), arena.infrared(pose))
+        assert looked_up.clearance_m[i, j] == arena.clearance(*pose[:2])
+        assert np.array_equal(looked_up.histogram(pose), arena.histogram(pose))
+        assert np.array_equal(looked_up.infrared(pose), arena.infrared(pose))
 
 
 def test_written_again_it_is_the_same_to_the_byte_and_a_run_on_it_is_one_on_the_atlas_it_was_made_from(
@@ -166,7 +167,7 @@ def test_written_again_it_is_the_same_to_the_byte_and_a_run_on_it_is_one_on_the_
     for path in (once, again):
         compact.write(path, on_atlas)
     assert once.read_bytes() == again.read_bytes()
-    monkeypatch.setattr(compact, "FILE", once)
+    monkeypatch.setattr(atlas, "COMPACT", once)
     assert run(settings, 3).steps.tobytes() == run(on_atlas, 3).steps.tobytes()
 
 
@@ -194,7 +195,7 @@ def test_its_own_lattice_may_be_asked_for_by_name():
 @pytest.mark.parametrize("harm", ["missing", "truncated", "one byte", "emptied", "no such thing", "other room"])
 def test_a_harmed_compact_atlas_is_one_line(harm, tmp_path, monkeypatch):
     path = tmp_path / "compact.atlas"
-    content = bytearray(compact.FILE.read_bytes())
+    content = bytearray(COMPACT.read_bytes())
     if harm == "truncated":
         content = content[: len(content) // 2]
     elif harm == "one byte":
@@ -204,8 +205,8 @@ def test_a_harmed_compact_atlas_is_one_line(harm, tmp_path, monkeypatch):
     if harm != "missing":
         path.write_bytes(content)
     if harm == "other room":
-        monkeypatch.setattr(compact, "hashed", lambda room: "otherwise")
-    monkeypatch.setattr(compact, "FILE", path)
+        monkeypatch.setattr(atlas, "hashed", lambda room: "otherwise")
+    monkeypatch.setattr(atlas, "COMPACT", path)
     with pytest.raises(UserError) as refusal:
         HomingEnv(SETTINGS, observation="features")
     kind = {"missing": "missing", "other room": "outdated"}.get(harm, "damaged")
