@@ -199,10 +199,6 @@ class Settings(BaseModel):
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:12]
 
 
-def parse_settings(values: dict[str, Any]) -> Settings:
-    return Settings(**values)
-
-
 def _one_line(problem: Any) -> str:
     name = ".".join(str(part) for part in problem["loc"])
     message = problem["msg"].removeprefix("Value error, ")

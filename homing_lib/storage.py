@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from homing_lib.errors import DamagedFile, UserError
 
-
 _MARK = Path("data", "STUDIES.md")
 _PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 

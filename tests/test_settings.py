@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from homing_lib.errors import UserError
-from homing_lib.settings import Settings, parse_settings
+from homing_lib.settings import Settings
 
 FIELDS = Settings.model_fields
 
@@ -75,14 +75,12 @@ def test_a_mistake_is_refused_in_one_line_that_names_the_setting_the_value_and_t
 
 def test_two_mistakes_are_refused_in_one_line_too():
     with pytest.raises(UserError, match=r"^setting alpha0 = -1: .*; setting alpha: ") as refusal:
-        parse_settings({"alpha0": -1, "alpha": 1})
+        Settings(alpha0=-1, alpha=1)
     assert "\n" not in str(refusal.value)
 
 
 def test_texts_from_a_command_line_are_read_as_numbers():
-    assert parse_settings({"alpha0": "0.003", "episodes": "5", "traces": "dutch"}) == Settings(
-        alpha0=0.003, episodes=5, traces="dutch"
-    )
+    assert Settings(alpha0="0.003", episodes="5", traces="dutch") == Settings(alpha0=0.003, episodes=5, traces="dutch")
 
 
 def test_settings_cannot_be_changed_in_place():

@@ -44,7 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
     for one, seed in ((run, 0), (film, 1000)):
         one.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}")
-        one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
+        one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting; repeatable")
     film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
     film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
     command("settings", _settings, "every setting, its default and its source")
