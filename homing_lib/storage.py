@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from homing_lib.errors import DamagedFile, UserError
 
-
 _MARK = Path("data", "STUDIES.md")
 _PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 
@@ -43,10 +42,9 @@ def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> N
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A place beside `path` to write to, renamed to it in the end: the file is whole, or not there.
+    """A place beside `path` to write to, of its suffix, renamed to it in the end: the file is whole, or not there.
 
-    The place has the suffix of `path`. Raises UserError if it cannot be written.
-    """
+    Raises UserError if it cannot be written."""
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
