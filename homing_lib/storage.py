@@ -42,10 +42,7 @@ def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> N
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A place beside `path` to write to, renamed to it in the end: the file is whole, or not there.
-
-    The place has the suffix of `path`. Raises UserError if it cannot be written.
-    """
+    """A place beside `path`, of its suffix, that is renamed to it in the end. Raises UserError if it cannot be."""
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

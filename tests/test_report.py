@@ -89,7 +89,7 @@ def test_plain_text_becomes_latex():
 
 
 def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():
-    rows = [*report._table_one(), *report._table_of_the_others()]
+    rows = [row for table in report._tables_of_settings() for row in table]
     assert len(rows) == len(Settings.model_fields)
     for row in rows:
         assert len(re.findall(r"(?<!\\)&", row)) == 3

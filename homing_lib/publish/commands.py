@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -42,9 +43,9 @@ def _parser() -> argparse.ArgumentParser:
     run = command("run", _run, "one experiment, with the camera; prints a summary")
     run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
     film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
-    for one, seed in ((run, 0), (film, 1000)):
-        one.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}")
-        one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting; repeatable")
+    for to, seed, whose in ((run, 0, ""), (film, 1000, ", of the stored runs")):
+        to.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}{whose}")
+        to.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
     film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
     command("settings", _settings, "every setting, its default and its source")
@@ -71,8 +72,8 @@ def _parser() -> argparse.ArgumentParser:
     notebook.add_argument("--profile", choices=("full", "quick"), default="full")
     notebook.add_argument("--output-dir", type=Path)
     notebook.add_argument("--figures-dir", type=Path)
-    command("report", _report, "the numbers and tables of the report, as LaTeX")
-    command("summary", _summary, "the headline numbers")
+    command("report", partial(_print, "latex"), "the numbers and tables of the report, as LaTeX")
+    command("summary", partial(_print, "summary"), "the headline numbers")
     return parser
 
 
@@ -169,13 +170,7 @@ def _notebook(options: argparse.Namespace) -> None:
         print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
-def _report(_: argparse.Namespace) -> None:
+def _print(what: str, _: argparse.Namespace) -> None:
     from homing_lib.publish import report
 
-    print(report.latex())
-
-
-def _summary(_: argparse.Namespace) -> None:
-    from homing_lib.publish import report
-
-    print(report.summary())
+    print(getattr(report, what)())

@@ -1,12 +1,11 @@
 """The numbers of the report, the README and the terminal, all computed from the stored runs. Nothing is typed."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import get_args
 
 import numpy as np
-from pydantic.fields import FieldInfo
 
 from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
@@ -98,10 +97,9 @@ def summary() -> str:
 
 def verdicts() -> str:
     """Which claims got which verdict: "reproduced C3, C10; ..."."""
-    found: dict[str, list[str]] = {verdict: [] for verdict in get_args(claims.Verdict)}
-    for number in claims.CLAIMS:
-        found[claims.judge(number).verdict].append(f"C{number}")
-    return "; ".join(f"{verdict} {', '.join(numbers)}" for verdict, numbers in found.items() if numbers)
+    found = {f"C{number}": claims.judge(number).verdict for number in claims.CLAIMS}
+    numbers = {verdict: [name for name in found if found[name] == verdict] for verdict in get_args(claims.Verdict)}
+    return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
 
 
 # --- LaTeX --------------------------------------------------------------------------------------------------------
@@ -109,13 +107,15 @@ def verdicts() -> str:
 
 def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
+    judged = map(claims.judge, claims.CLAIMS)
+    table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
         "verdicts": _tex(verdicts()),
         "judgedRuns": f"{len(studies.JUDGED)}",
         "triedRobots": f"{len(studies.AFTER.seeds)}",
-        "tableClaims": "\n".join(_table_of_claims()),
-        "tableOne": "\n".join(_table_one()),
-        "tableSettings": "\n".join(_table_of_the_others()),
+        "tableClaims": "\n".join(_row(f"C{one.number}", one.claim, one.verdict, one.effect) for one in judged),
+        "tableOne": "\n".join(table_one),
+        "tableSettings": "\n".join(others),
     }
     return "\n".join(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items())
 
@@ -126,6 +126,7 @@ def numbers(h: Headline) -> dict[str, str]:
     psi = stopping_thresholds(s.multiplier)
     rates = s.step_size_rates
     stop_m, stop_deg = _stops(h.learnt)
+    share = {name: np.concatenate([run.column(name) for run in h.learnt]).mean() for name in ("clipped", "at_wall")}
     texts = {
         "conclusion": conclusion(h),
         "verdict": h.verdict,
@@ -147,8 +148,8 @@ def numbers(h: Headline) -> dict[str, str]:
         "divergedRuns": f"{h.diverged}",
         "stopDistance": f"{stop_m:.2f} m",
         "stopAngle": f"{stop_deg:.0f}",
-        "clippedShare": f"{_mean(h.learnt, 'clipped'):.0%}",
-        "wallShare": f"{_mean(h.learnt, 'at_wall'):.0%}",
+        "clippedShare": f"{share['clipped']:.0%}",
+        "wallShare": f"{share['at_wall']:.0%}",
         "changeFall": f"{h.change_fall:.2f}",
         "rateFall": f"{h.rate_fall:.2f}",
         "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
@@ -185,11 +186,6 @@ def _successes(several: Sequence[Run]) -> tuple[int, int]:
     return sum(int(run.reached.sum()) for run in several), sum(run.settings.episodes for run in several)
 
 
-def _mean(several: Sequence[Run], column: str) -> float:
-    """Of all steps together."""
-    return float(np.concatenate([run.column(column) for run in several]).mean())
-
-
 def _stops(several: Sequence[Run]) -> tuple[float, float]:
     """Median distance (m) and angle (degrees) between home and the poses at which the robot stopped."""
     home = room_named(several[0].settings.room).home
@@ -198,42 +194,31 @@ def _stops(several: Sequence[Run]) -> tuple[float, float]:
     return float(np.median(np.hypot(poses[:, 0] - home.x, poses[:, 1] - home.y))), float(np.median(angles))
 
 
-def _table_one() -> Iterator[str]:
-    """Rows of Table I: symbol, printed, ours, what it is. They are the settings described as "Table I, SYMBOL: ..."."""
-    s = Settings()
+def _tables_of_settings() -> tuple[list[str], list[str]]:
+    """Rows of Table I, the settings described as "Table I, SYMBOL: ...": symbol, printed, ours, what it is.
+
+    Then those of every other setting: name, printed, ours, source.
+    """
+    s, table_one, others = Settings(), [], []
     psi = stopping_thresholds(s.multiplier)
     ours = {
         "first_episode_share": f"{s.first_episode:g}",
         "multiplier": f"{s.multiplier:g} and {s.multiplier - 1:g}: {psi.upper:.4f} and {psi.lower:.4f}",
     }
     for name, field in Settings.model_fields.items():
-        if match := _IN_TABLE_ONE.match(field.description or ""):
+        described, extra = field.description or "", field.json_schema_extra
+        printed = _shown(extra.get("printed") or "") if isinstance(extra, dict) else ""
+        if match := _IN_TABLE_ONE.match(described):
             symbol, text = match["symbol"], match["text"] or "reward discount"
             if symbol is None:
                 symbol, text = "psi_upper, psi_lower", "multipliers and stopping thresholds (eq. 19)"
-            yield _row(_tex(symbol), _printed(field), ours.get(name, _shown(field.default)), text)
-
-
-def _table_of_claims() -> Iterator[str]:
-    """Rows: number, claim, verdict, effect."""
-    for found in map(claims.judge, claims.CLAIMS):
-        yield _row(f"C{found.number}", found.claim, found.verdict, found.effect)
-
-
-def _table_of_the_others() -> Iterator[str]:
-    """Rows of every other setting: name, printed, ours, source."""
-    for name, field in Settings.model_fields.items():
-        if not _IN_TABLE_ONE.match(field.description or ""):
-            setting = f"\\setting{{{_escaped(name)}}}"
-            yield _row(setting, _printed(field), _shown(field.default), field.description or "")
+            table_one.append(_row(_tex(symbol), printed, ours.get(name, _shown(field.default)), text))
+        else:
+            others.append(_row(f"\\setting{{{_escaped(name)}}}", printed, _shown(field.default), described))
+    return table_one, others
 
 
 _IN_TABLE_ONE = re.compile(r"(Table I, (?P<symbol>\w+)[^:]*|Eq\. \(19\))(: (?P<text>.*))?")
-
-
-def _printed(field: FieldInfo) -> str:
-    extra = field.json_schema_extra
-    return _shown(extra.get("printed") or "") if isinstance(extra, dict) else ""
 
 
 def _shown(value: object) -> str:
@@ -275,25 +260,19 @@ def _as_maths(match: "re.Match[str]") -> str:
         return _escaped(symbol)
     name = f"\\{symbol}".replace("epsilon", "varepsilon") if symbol in _SYMBOLS else f"\\mathrm{{{symbol}}}"
     index = (sub or "")[1:].strip("()")
-    return f"${name}" + (f"_{{{index if len(index) < 4 else _upright(index)}}}" if index else "") + f"{up}$"
-
-
-def _upright(index: str) -> str:
-    return index if "-" in index else f"\\mathrm{{{index}}}"
+    if len(index) > 3 and "-" not in index:
+        index = f"\\mathrm{{{index}}}"
+    return f"${name}" + (f"_{{{index}}}" if index else "") + f"{up}$"
 
 
 def _escaped(text: str) -> str:
-    text = re.sub(r"([\\{}$&#%_^~])", lambda m: _SPECIAL.get(m[1], f"\\{m[1]}"), text)
-    text = re.sub(r"(?<![\w.)])-(?=[\d.])", "$-$", text)
-    return "".join(_UNICODE.get(letter, letter) for letter in text)
+    return re.sub(r"(?<![\w.)])-(?=[\d.])", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
 
 
-_SPECIAL = {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
-_UNICODE = {
-    "≥": r"$\geq$",
-    "≤": r"$\leq$",
-    "±": r"$\pm$",
-    "×": r"$\times$",
-    "²": r"\textsuperscript{2}",
-    "λ": r"$\lambda$",
-}
+_SPECIAL = str.maketrans(
+    {letter: f"\\{letter}" for letter in "{}$&#%_"}
+    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
+)
+_UNICODE = str.maketrans(
+    {"≥": r"$\geq$", "≤": r"$\leq$", "±": r"$\pm$", "×": r"$\times$", "²": r"\textsuperscript{2}", "λ": r"$\lambda$"}
+)

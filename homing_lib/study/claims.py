@@ -269,9 +269,8 @@ def exponential_change(of: Any) -> _Judged:
     number, logarithm = np.arange(1, settings.episodes + 1), np.log(changes[0].mean(axis=0))
     exponential = np.corrcoef(logarithm, number)[0, 1] ** 2
     hyperbolic = np.corrcoef(logarithm, np.log(settings.first_episode + number))[0, 1] ** 2
-    shown = exponential > hyperbolic and fell[2]
     return (
-        "reproduced" if shown else "partly reproduced" if fell[0] else "not reproduced",
+        "reproduced" if exponential > hyperbolic and fell[2] else "partly reproduced" if fell[0] else "not reproduced",
         f"From the first {WINDOW} episodes to the last it falls to {falls[0]:.2f}; per step, to {falls[1]:.2f}; per "
         f"step and divided by the step size, so that neither shorter episodes nor the decay count, to {falls[2]:.2f}. "
         f"A straight line accounts for {exponential:.0%} of the variance of its logarithm against the episode "
@@ -311,9 +310,8 @@ def around_the_ninth(of: Any) -> _Judged:
 @claim(14, "one snapshot does better than three", studies.PARTS)
 def one_snapshot(parts: Any) -> _Judged:
     """With three, an episode takes more steps."""
-    how = f"With three, {Settings().snapshot_angle_deg:g} degrees apart,"
     also = " (Similarity is then the mean of three comparisons: what passes for home changes too.)"
-    return _worse_with(parts, "three snapshots", how, also)
+    return _worse_with(parts, "three snapshots", f"With three, {Settings().snapshot_angle_deg:g} degrees apart,", also)
 
 
 @claim(16, "a cost of 1/t helps against a constant one", studies.PARTS)

@@ -408,9 +408,8 @@ def _read_manifest(study: Study) -> dict[str, Any]:
 def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: Mapping[str, Any]) -> None:
     """Say what made the stored files. If they came out the same again, that is still what first made them."""
     now = study.definition() | {"sha256": {file.name: _sha256(file) for file in _files(study)}}
-    same = {**before, **now} == before
     made_by = {name: ", ".join(sorted({origin[name] for origin in origins})) for name in MADE_BY}
-    now["made by"] = before["made by"] if same else made_by
+    now["made by"] = before["made by"] if {**before, **now} == before else made_by
     if now != _read_manifest(study):
         write_bytes(_manifest(study), (json.dumps(now, indent=1) + "\n").encode())
 
