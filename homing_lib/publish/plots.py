@@ -135,9 +135,7 @@ def rules(found: Rules) -> Figure:
 
 
 @styled
-def heat_map(
-    rows: Sequence[str], columns: Sequence[str], values: Array, notes: Mapping[tuple[int, int], str]
-) -> Figure:
+def heat_map(rows: Sequence[str], columns: Sequence[str], values: Array, notes: dict[tuple[int, int], str]) -> Figure:
     """Steps by rule and step size, written into the cells; notes: what stands behind, such as how many diverged."""
     figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
     shown = axes.pcolormesh(values, norm=LogNorm(), cmap="cividis_r", edgecolor="white", linewidth=0.8)
