@@ -96,11 +96,12 @@ def curves(
     alike = len({tuple(tables) for tables in panels.values()}) == 1
     for axes, label, (title, tables) in zip(grid, labels, panels.items(), strict=True):
         ends = _learning(axes, tables, each)
-        axes.set(title=title, ylabel=label)
+        axes.set_title(title)
         for name, value in (levels or {}).items():
             drawing.level(axes, value, name)
         if axes is grid[-1] or not alike:  # once is enough where every panel shows the same
             drawing.label_ends(axes, ends)
+        axes.set_ylabel(label)
     return figure
 
 
