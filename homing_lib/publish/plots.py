@@ -96,11 +96,12 @@ def curves(
     alike = len({tuple(tables) for tables in panels.values()}) == 1
     for axes, label, (title, tables) in zip(grid, labels, panels.items(), strict=True):
         ends = _learning(axes, tables, each)
-        axes.set(title=title, ylabel=label)
+        axes.set_title(title)
         for name, value in (levels or {}).items():
             drawing.level(axes, value, name)
         if axes is grid[-1] or not alike:  # once is enough where every panel shows the same
             drawing.label_ends(axes, ends)
+        axes.set_ylabel(label)
     return figure
 
 
@@ -135,9 +136,7 @@ def rules(found: Rules) -> Figure:
 
 
 @styled
-def heat_map(
-    rows: Sequence[str], columns: Sequence[str], values: Array, notes: Mapping[tuple[int, int], str]
-) -> Figure:
+def heat_map(rows: Sequence[str], columns: Sequence[str], values: Array, notes: dict[tuple[int, int], str]) -> Figure:
     """Steps by rule and step size, written into the cells; notes: what stands behind, such as how many diverged."""
     figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
     shown = axes.pcolormesh(values, norm=LogNorm(), cmap="cividis_r", edgecolor="white", linewidth=0.8)
