@@ -45,9 +45,7 @@ except ImportError:
         "it: `pip install pybullet` (some minutes where there is no wheel, and a C++ compiler)"
     ) from None
 
-_AMBIENT_OF_FULL_LIGHT = 1.0
-_BODY_HEIGHT_M = 0.03
-_LARGEST_CLEARANCE_M = 0.1
+_BODY_HEIGHT_M, _LARGEST_CLEARANCE_M = 0.03, 0.1
 _ROBOT_GROUP = 64
 """Bullet's collision group of the robot, beyond those that Bullet gives by itself: infra-red rays pass it by."""
 
@@ -59,11 +57,11 @@ class Arena:
     """
 
     def __init__(self, room: Room, settings: Settings) -> None:
-        self.room = room
-        self.settings = settings
+        self.room, self.settings = room, settings
         self._client = pybullet.connect(pybullet.DIRECT)
         if self._client < 0:
             raise RuntimeError("PyBullet gave no physics client: too many are open; close() those no longer used")
+        self._ours = {"physicsClientId": self._client}
         self.body_names: dict[int, str] = {}
         self._colliders: list[int] = []
         with tempfile.TemporaryDirectory() as folder:
@@ -71,16 +69,9 @@ class Arena:
             self._build()
         self._obstacles = [(body, *self._surroundings(body)) for body in self._colliders if body != self._robot]
         self._projection = pybullet.computeProjectionMatrixFOV(settings.field_of_view_deg, 1.0, 0.005, 4.0)
-        self._image_options = dict(
-            shadow=0,
-            lightDirection=(0.0, 0.0, 1.0),
-            lightColor=(1.0, 1.0, 1.0),
-            lightAmbientCoeff=_AMBIENT_OF_FULL_LIGHT * settings.light,
-            lightDiffuseCoeff=0.0,
-            lightSpecularCoeff=0.0,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
-        )
+        ambient = {"lightAmbientCoeff": settings.light, "lightDiffuseCoeff": 0.0, "lightSpecularCoeff": 0.0}
+        above = {"lightDirection": (0.0, 0.0, 1.0), "lightColor": (1.0, 1.0, 1.0), "shadow": 0}
+        self._image_options = {**ambient, **above, "renderer": pybullet.ER_TINY_RENDERER, **self._ours}
 
     # --- What the robot sees ---------------------------------------------------------------------------------------
 
@@ -118,13 +109,11 @@ class Arena:
         """The room from above with the same textures, shape (height, pixels, 3): x to the right, y upwards."""
         width, depth = self.room.size
         distance = 6.0
-        view = pybullet.computeViewMatrix(
-            (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0), (0.0, 1.0, 0.0)
-        )
-        half = width / 2 * 0.02 / distance
-        projection = pybullet.computeProjectionMatrix(
-            -half, half, -half * depth / width, half * depth / width, 0.02, 8.0
-        )
+        above, below = (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0)
+        view = pybullet.computeViewMatrix(above, below, (0.0, 1.0, 0.0))
+        right = width / 2 * 0.02 / distance
+        top = right * depth / width
+        projection = pybullet.computeProjectionMatrix(-right, right, -top, top, 0.02, 8.0)
         return np.ascontiguousarray(self._picture(pixels, round(pixels * depth / width), view, projection)[0][:, :, :3])
 
     def perspective(self, pixels: int = 640) -> Image:
@@ -139,19 +128,18 @@ class Arena:
 
     def clearance(self, x: float, y: float) -> float:
         """Metres between the body centred at x, y and the nearest obstacle, negative inside one; at most .1."""
-        pybullet.resetBasePositionAndOrientation(
-            self._robot, (x, y, _BODY_HEIGHT_M / 2), (0.0, 0.0, 0.0, 1.0), physicsClientId=self._client
-        )
+        upright = (0.0, 0.0, 0.0, 1.0)
+        pybullet.resetBasePositionAndOrientation(self._robot, (x, y, _BODY_HEIGHT_M / 2), upright, **self._ours)
         nearest = _LARGEST_CLEARANCE_M
         for obstacle, x0, y0, x1, y1 in self._obstacles:
             if x0 <= x <= x1 and y0 <= y <= y1:
-                for point in pybullet.getClosestPoints(self._robot, obstacle, nearest, physicsClientId=self._client):
-                    nearest = min(nearest, point[8])
+                points = pybullet.getClosestPoints(self._robot, obstacle, nearest, **self._ours)
+                nearest = min((nearest, *(point[8] for point in points)))
         return nearest
 
     def _surroundings(self, obstacle: int) -> tuple[float, float, float, float]:
         """x0, y0, x1, y1 of a rectangle outside which the body has its largest clearance from this obstacle."""
-        low, high = pybullet.getAABB(obstacle, physicsClientId=self._client)
+        low, high = pybullet.getAABB(obstacle, **self._ours)
         reach = self.settings.body_diameter_m / 2 + _LARGEST_CLEARANCE_M + 0.01  # and Bullet's own margins
         return low[0] - reach, low[1] - reach, high[0] + reach, high[1] + reach
 
@@ -160,10 +148,12 @@ class Arena:
         radius = self.settings.body_diameter_m / 2
         reach = radius + self.settings.infrared_range_m
         directions = [pose.heading + radians(angle) for angle in INFRARED_ANGLES_DEG]
-        starts = [(pose.x + radius * cos(d), pose.y + radius * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
-        ends = [(pose.x + reach * cos(d), pose.y + reach * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
+        starts, ends = (
+            [(pose.x + r * cos(d), pose.y + r * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
+            for r in (radius, reach)
+        )
         # Not its own body, which stands where it was last asked for a clearance.
-        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=~_ROBOT_GROUP, physicsClientId=self._client)
+        hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=~_ROBOT_GROUP, **self._ours)
         return np.array([hit[2] for hit in hits]) * self.settings.infrared_range_m
 
     # --- Building -----------------------------------------------------------------------------------------------------
@@ -198,45 +188,35 @@ class Arena:
                     front, *others = box_sides(thing)
                     self._body(thing.name, thing.texture, joined(others), collider)
                     self._body(thing.name, thing.front or thing.texture, front)
-                case Ball():
-                    collider = self._shape(pybullet.GEOM_SPHERE, (thing.x, thing.y, thing.radius), radius=thing.radius)
+                case Ball(radius=radius):
+                    collider = self._shape(pybullet.GEOM_SPHERE, (thing.x, thing.y, radius), radius=radius)
                     self._body(thing.name, thing.texture, ball_mesh(thing), collider)
                 case Cone():
                     mesh = cone_mesh(thing)
                     collider = self._shape(pybullet.GEOM_MESH, (0, 0, 0), vertices=mesh.vertices)
                     self._body(thing.name, thing.texture, mesh, collider)
-        body = self._shape(
-            pybullet.GEOM_CYLINDER, (0, 0, 0), radius=self.settings.body_diameter_m / 2, height=_BODY_HEIGHT_M
-        )
+        radius = self.settings.body_diameter_m / 2
+        body = self._shape(pybullet.GEOM_CYLINDER, (0, 0, 0), radius=radius, height=_BODY_HEIGHT_M)
         # A body without a visual shape shows its collision shape; this triangle below the floor keeps it unseen.
         nothing = Mesh([(0.0, 0.0, -1.0)] * 3, [0, 1, 2], [(0.0, 0.0)] * 3)
         self._robot = self._body("robot", room.floor, nothing, body)
-        pybullet.setCollisionFilterGroupMask(self._robot, -1, _ROBOT_GROUP, -1, physicsClientId=self._client)
+        pybullet.setCollisionFilterGroupMask(self._robot, -1, _ROBOT_GROUP, -1, **self._ours)
 
     def _shape(self, kind: int, centre: Sequence[float], **size: Any) -> int:
-        return int(
-            pybullet.createCollisionShape(kind, collisionFramePosition=centre, physicsClientId=self._client, **size)
-        )
+        return int(pybullet.createCollisionShape(kind, collisionFramePosition=centre, **size, **self._ours))
 
     def _body(self, name: str, texture: Texture, mesh: Mesh, collider: int = -1) -> int:
-        visual = pybullet.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=mesh.vertices,
-            indices=mesh.triangles,
-            uvs=mesh.uvs,
-            normals=[(0.0, 0.0, 1.0)] * len(mesh.vertices),
-            physicsClientId=self._client,
-        )
-        body = int(
-            pybullet.createMultiBody(
-                baseVisualShapeIndex=visual, baseCollisionShapeIndex=collider, physicsClientId=self._client
-            )
+        of_mesh = {"vertices": mesh.vertices, "indices": mesh.triangles, "uvs": mesh.uvs}
+        of_mesh["normals"] = [(0.0, 0.0, 1.0)] * len(mesh.vertices)
+        visual = pybullet.createVisualShape(pybullet.GEOM_MESH, **of_mesh, **self._ours)
+        body: int = pybullet.createMultiBody(
+            baseVisualShapeIndex=visual, baseCollisionShapeIndex=collider, **self._ours
         )
         path = self._texture_folder / f"{body}.png"
         if not cv2.imwrite(str(path), paint(texture, self.room.texture_seed, name)[:, :, ::-1]):
             raise OSError(f"{path}: the texture could not be written; is the disk full?")
-        image = pybullet.loadTexture(str(path), physicsClientId=self._client)
-        pybullet.changeVisualShape(body, -1, textureUniqueId=image, physicsClientId=self._client)
+        image = pybullet.loadTexture(str(path), **self._ours)
+        pybullet.changeVisualShape(body, -1, textureUniqueId=image, **self._ours)
         self.body_names[body] = name
         if collider >= 0:
             self._colliders.append(body)

@@ -13,9 +13,8 @@ import shutil
 import signal
 import sys
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
+from contextlib import AbstractContextManager
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -37,8 +36,6 @@ from homing_lib.storage import ROOT, read_arrays, write_arrays
 
 FOLDER = ROOT / ".build" / "atlas"
 
-_ARRAYS = {"counts", "infrared_m", "clearance_m"}
-
 _BLOCK = 3
 """Columns of the lattice that are rendered and kept together."""
 
@@ -59,14 +56,12 @@ class Lattice:
     """Positions x0 + i spacing, y0 + j spacing over the whole room, and `headings` directions from home's."""
 
     def __init__(self, room: Room, settings: Settings) -> None:
-        self.home = room.home
-        self.spacing = settings.atlas_spacing_m
+        self.home, self.spacing = room.home, settings.atlas_spacing_m
         self.headings = 360 // settings.atlas_heading_deg
         self._i_home, self.nx = _axis(room.home.x, room.size[0], self.spacing)
         self._j_home, self.ny = _axis(room.home.y, room.size[1], self.spacing)
         self.x0, self.y0, _ = self.pose(0, 0, 0)
-        # A body that touches nothing by interpolation may be half a cell's diagonal inside an obstacle, and its
-        # nearest lattice position as far again.
+        # A free body may be half a cell's diagonal inside an obstacle, and its nearest position as far again.
         self.margin = sqrt(2) * self.spacing
 
     def pose(self, i: int, j: int, k: int) -> Pose:
@@ -92,7 +87,6 @@ class Atlas:
     """
 
     def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
-        self.lattice = lattice
         self.counts, self.infrared_m, self.clearance_m = counts, infrared_m, clearance_m
         self._views = counts.reshape(-1, counts.shape[2])
         self._readings = infrared_m.reshape(len(self._views), -1)
@@ -126,8 +120,7 @@ class Atlas:
         if not (0 <= u < self._last_i and 0 <= v < self._last_j):
             return _OUTSIDE_M
         i, j = int(u), int(v)
-        u -= i
-        v -= j
+        u, v = u - i, v - j
         low, high = self._clearance[i], self._clearance[i + 1]
         return (1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1])
 
@@ -138,9 +131,6 @@ class Atlas:
         if position < 0:
             raise ValueError(f"pose ({x:.3f}, {y:.3f}): the atlas has no view from there, the robot cannot stand there")
         return position + round((heading - self._heading0) * self._per_radian) % self._headings
-
-    def close(self) -> None:
-        """Nothing to free; an arena has."""
 
 
 def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, workers: int = -1) -> Atlas:
@@ -177,41 +167,35 @@ COMPACT = Path(__file__).with_name("compact.atlas")
 
 def open_compact(room: Room, settings: Settings) -> Atlas:
     """The atlas that comes along. Raises UserError if these settings or this room are not what it holds."""
-    held, loaded = _loaded(COMPACT)
+    header, atlas = read_compact(COMPACT)
+    held = {"room": PAPER.name, **header["settings"]}
     usual = Settings().of_scope("lattice")  # nobody's wish; another lattice than that is asked for, and is not this one
     for name, value in {"room": room.name, **settings.of_scope("view", "lattice")}.items():
         if value not in (held[name], usual.get(name, held[name])):
-            raise UserError(
-                f'images = compact holds the paper\'s room with {name} = {held[name]}, not {value}; use images="atlas"'
-            )
-    return loaded
+            here = f"{name} = {held[name]}, not {value}"
+            raise UserError(f'images = compact holds the paper\'s room with {here}; use images="atlas"')
+    return atlas
 
 
 @cache
-def _loaded(file: Path) -> tuple[dict[str, Any], Atlas]:
-    header, arrays = read_compact(file)
-    if header["room_hash"] != hashed(PAPER):
-        raise UserError(f"{file}: outdated file, of the paper's room as it was; write it anew: make compact")
-    counts = arrays["counts_high"].astype(np.uint16) << 8 | arrays["counts_low"]
-    lattice = Lattice(PAPER, Settings(**header["settings"]))
-    return {"room": PAPER.name, **header["settings"]}, Atlas(
-        lattice, counts, arrays["infrared_m"], arrays["clearance_m"]
-    )
-
-
-def read_compact(file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The first line and the arrays of such a file. Raises DamagedFile for one that is missing or not whole."""
+def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
+    """The first line of such a file, and the atlas. Raises DamagedFile if it is not there, whole and of this room."""
     try:
         line, _, content = gzip.decompress(file.read_bytes()).partition(b"\n")
         header, arrays, start = json.loads(line), {}, 0
+        if header["room_hash"] != hashed(PAPER):
+            raise DamagedFile(f"{file}: outdated file, of the paper's room as it was; write it anew: make compact")
         for name, kind, shape in header["arrays"]:
             arrays[name] = np.frombuffer(content, kind, int(np.prod(shape)), start).reshape(shape)
             start += arrays[name].nbytes
+        counts = arrays["counts_high"].astype(np.uint16) << 8 | arrays["counts_low"]
+        lattice = Lattice(PAPER, Settings(**header["settings"]))
+        atlas = Atlas(lattice, counts, arrays["infrared_m"], arrays["clearance_m"])
     except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
         what = "missing file" if isinstance(error, FileNotFoundError) else f"damaged file ({error})"
         remedy = "install the package again or, in a clone, restore the file with git"
         raise DamagedFile(f"{file}: {what}; {remedy}") from None
-    return header, arrays
+    return header, atlas
 
 
 def digest(room: Room, settings: Settings) -> str:
@@ -223,7 +207,7 @@ def digest(room: Room, settings: Settings) -> str:
         (room, INFRARED_ANGLES_DEG, rendered_by, [inspect.getsource(part) for part in made_by]),
         [_version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
     )
-    return "-".join(hashed(part) for part in parts)
+    return "-".join(map(hashed, parts))
 
 
 def hashed(part: Any) -> str:
@@ -242,7 +226,7 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
     """The arrays of a file; None if there is none, or, having said so, if it is damaged."""
     try:
         _, arrays = read_arrays(path)
-        if arrays.keys() != _ARRAYS:
+        if arrays.keys() != {"counts", "infrared_m", "clearance_m"}:
             raise DamagedFile(f"{path}: damaged file (has {', '.join(arrays) or 'no arrays'})")
     except FileNotFoundError:
         return None
@@ -258,7 +242,9 @@ def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str
     n, folder = Lattice(room, settings).nx, path.with_suffix("")
     blocks = {folder / f"{i:04}-{min(i + _BLOCK, n):04}.npz": range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)}
     todo = [part for part in blocks if _read(part) is None]
-    rendered = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", initializer=_leave_interrupts)(
+    # Ctrl-C reaches workers too; the parent stops them, and it alone says so.
+    ignore = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    rendered = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", initializer=ignore)(
         joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
     )
     for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(blocks), initial=len(blocks) - len(todo)):
@@ -268,11 +254,6 @@ def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str
     write_arrays(path, {}, **arrays)
     shutil.rmtree(folder, ignore_errors=True)
     return arrays
-
-
-def _leave_interrupts() -> None:
-    """Ctrl-C reaches workers too; the parent stops them, and it alone says so."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _render_block(part: Path, columns: range, room: Room, settings: Settings) -> None:
@@ -300,20 +281,14 @@ def _render_block(part: Path, columns: range, room: Room, settings: Settings) ->
     )
 
 
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def _alone(path: Path) -> AbstractContextManager[Any]:
     """Hold the right to build this file; whoever else wants it waits. It ends with the process, however that ends."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(path.with_suffix(".lock"))
     try:
-        lock.acquire(blocking=False)
+        return lock.acquire(blocking=False)
     except Timeout:
         _say(f"another process is building {path}; waiting for it")
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
+        return lock.acquire()
 
 
 def _say(text: str) -> None:

@@ -33,10 +33,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ## Description
 
-    A Khepera, 70 mm across, stands in a room of 1.15 m x 1 m with a colour camera that looks ahead. Home is a place in
-    front of a television; all that the robot has of it is one snapshot. It must come back to where the view resembles
-    that snapshot, from a start where nothing of the home is in sight. Numbers in brackets are equations of Altahhan
-    (2014); a name in `this type` is a field of `homing_lib.settings.Settings`, where its value and its source stand.
+    A Khepera, 70 mm across, stands in a room of 1.15 m x 1 m with a colour camera that looks ahead. From a start where
+    nothing of the home is in sight, it must come back to where the view resembles its snapshot, in front of a
+    television. Numbers in brackets are equations of Altahhan (2014); a name in `this type` is a field of
+    `homing_lib.settings.Settings`, where its value and its source stand.
 
     ## Action space
 
@@ -56,14 +56,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     | "features"        | `Box(0, 1, (n,), float64)`            | phi (8), (12), (13); n = 3 (round(256/b) + 1) m (14) |
 
     The features compare the histograms h of the view, bin by bin, with those of the snapshot, v, both as shares of the
-    pixels (11); their mean is the similarity of the view to home:
+    pixels (11); their mean is the similarity of the view to home. Those of an atlas are read-only.
 
         phi_i = exp(-(h_i - v_i)^2 / (2 sigma_i^2))    (12)        NRB = sum of phi_i / n    (15)
 
-    Before the first episode the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
-    which it has sigma^2 (9): `homing_lib.environment.survey`, with `survey_seed`. That takes a moment, at the
-    first `reset`; all environments of a process whose settings differ in nothing that it depends on share it, and
-    `model` hands one over.
+    At the first `reset` the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
+    which it has sigma^2 (9): `homing_lib.environment.survey`, with `survey_seed`. Environments of a process whose
+    settings differ in nothing that it depends on share it, and `model` hands one over.
 
     ## Transition dynamics
 
@@ -76,15 +75,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
         r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
 
-    less `wall_penalty` in a step at a wall: stopped, or turning away (V.A). `step_cost` and `approach_reward`
-    change the first and drop the second part.
+    less `wall_penalty` in a step `at_wall` (V.A). `step_cost` and `approach_reward` change the first and drop the
+    second part.
 
     ## Starting state
 
     `start`: any pose (x, y, heading) in metres and radians, anticlockwise from the x axis; "uniform", drawn anew for
-    each episode from all free poses; or by default the room's, where nothing of the home can be seen.
-    `reset(options={"start": ...})` overrides it for one episode. A start may resemble home: the first step is driven
-    all the same.
+    each episode from all free poses; or by default the room's. `reset(options={"start": ...})` overrides it for one
+    episode. A start may resemble home: the first step is driven all the same.
 
     ## Episode end
 
@@ -143,26 +141,24 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.settings = settings = (settings or Settings()).with_changes(**changes)
         self.room = room_named(settings.room)
         size, n = settings.image_size, settings.n_features
-        spaces: dict[str, gymnasium.spaces.Box] = {
-            "image": gymnasium.spaces.Box(0, 255, (size, size, 3), np.uint8),
-            "features": gymnasium.spaces.Box(0.0, 1.0, (n,), np.float64),
+        box = gymnasium.spaces.Box
+        spaces: dict[str, gymnasium.Space[Any]] = {
+            "image": box(0, 255, (size, size, 3), np.uint8),
+            "features": box(0.0, 1.0, (n,), np.float64),
         }
         if observation not in spaces:
             raise UserError(f"observation = {observation!r}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
-            raise UserError(
-                'observation = "image": an atlas holds histograms only; choose "features", or images="camera"'
-            )
+            remedy = 'choose "features", or images="camera"'
+            raise UserError(f'observation = "image": an atlas holds histograms only; {remedy}')
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode = {render_mode!r}: must be rgb_array or None")
         if model is not None and model.n_features != n:
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
-        self.render_mode = render_mode
-        self.model = model
-        self._sees_images = observation == "image"
-        self._survey_seed = survey_seed
+        self.render_mode, self.model = render_mode, model
+        self._sees_images, self._survey_seed = observation == "image", survey_seed
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
         self._top_view: Image | None = None
         self._under_way = self._closed = False
@@ -189,8 +185,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Put the robot at the start, drawn with the environment's generator if it is "uniform"."""
-        if self._closed:
-            raise self._unready()
+        self._require(under_way=False)
         super().reset(seed=seed)
         if self.model is None:
             self.model = self._shared_survey()
@@ -200,28 +195,26 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
-        self._steps = 0
-        self._under_way = True
-        return self._look(), self._info(-1, False)
+        self._steps, self._under_way = 0, True
+        observation, self._similarity = self._look()
+        return observation, self._info(-1, False)
 
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
-        if not self._under_way:
-            raise self._unready()
+        self._require()
         self._robot.place(self._free("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
-        if not self._under_way:
-            raise self._unready()
+        self._require()
         if action not in (0, 1, 2):
             raise UserError(f"action = {action!r}: must be 0, 1 or 2")
-        before = self._similarity
         self._steps += 1
         driven, at_wall = self._robot.act(int(action), self.np_random)
-        observation = self._look()
-        gain = reward(self._steps, self._similarity, before, self._psi_lower, at_wall, self.settings)
-        terminated = self._similarity >= self._psi_upper
+        before, (observation, nrb) = self._similarity, self._look()
+        self._similarity = nrb
+        gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings)
+        terminated = nrb >= self._psi_upper
         truncated = not terminated and self._steps >= self.settings.max_steps
         if self.render_mode is not None:
             self._path.append(self._robot.pose[:2])
@@ -229,8 +222,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def render(self) -> Image | None:
         """The room from above with home (a square), the path so far and the robot; None without a render mode."""
-        if not self._under_way:
-            raise self._unready()
+        self._require()
         if self.render_mode is None:
             gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
             return None
@@ -247,40 +239,29 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self._arena.close()
         self._closed, self._under_way = True, False
 
-    def _unready(self) -> Exception:
+    def _require(self, *, under_way: bool = True) -> None:
         if self._closed:
-            return gymnasium.error.ClosedEnvironmentError("this environment is closed; make another")
-        return gymnasium.error.ResetNeeded("the first episode begins with reset()")
+            raise gymnasium.error.ClosedEnvironmentError("this environment is closed; make another")
+        if under_way and not self._under_way:
+            raise gymnasium.error.ResetNeeded("the first episode begins with reset()")
 
-    def _look(self) -> Any:
-        """See from where the robot is: the observation, and `_similarity` with it."""
-        assert self.model is not None
+    def _look(self) -> tuple[Any, float]:
+        """The observation from where the robot is, and its similarity."""
         if self._atlas is not None:
-            features, self._similarity = self._seen_from(self._atlas.nearest(self._robot.pose))
-            return features
-        if self._sees_images:
-            assert self._arena is not None
-            image = self._arena.image(self._robot.pose)
-            self._similarity = similarity(self.model.features(histogram(image, self.settings.bin_size)))
-            return np.ascontiguousarray(image[:, :, :3])
-        features = self.model.features(self.world.histogram(self._robot.pose))
-        self._similarity = similarity(features)
-        return features
+            return self._seen_from(self._atlas.nearest(self._robot.pose))
+        assert self._arena is not None and self.model is not None
+        image = self._arena.image(self._robot.pose)
+        features = self.model.features(histogram(image, self.settings.bin_size))
+        return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
 
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
-        robot = self._robot
-        reflex = -1 if robot.reflex is None else robot.reflex
-        return {
-            "similarity": self._similarity,
-            "pose": robot.pose,
-            "action": driven,
-            "reflex": reflex,
-            "at_wall": at_wall,
-        }
+        pose, nrb, reflex = self._robot.pose, self._similarity, self._robot.reflex
+        reflex = -1 if reflex is None else reflex
+        return {"similarity": nrb, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
     def _shared_survey(self) -> HomeModel:
-        on = self.settings.of_scope("view", "lattice", "survey")
-        key = repr((on, self.room, self.home, self._survey_seed))
+        scopes = self.settings.of_scope("view", "lattice", "survey")
+        key = repr((scopes, self.room, self.home, self._survey_seed))
         if key not in _SURVEYS:
             _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
         return _SURVEYS[key]
@@ -294,8 +275,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         except (TypeError, ValueError):
             raise UserError(f"{what} = {pose!r}: must be a pose (x, y, heading) in metres and radians") from None
         width, depth = self.room.size
-        inside = 0 <= x <= width and 0 <= y <= depth and isfinite(heading)
-        if not inside or self.world.clearance(x, y) < 0:
+        if not (0 <= x <= width and 0 <= y <= depth and isfinite(heading) and self.world.clearance(x, y) >= 0):
             raise UserError(
                 f"{what} = ({x:g}, {y:g}, {heading:g}): the robot does not fit there; choose a pose in free space of "
                 f"room {self.room.name!r}, {width:g} m x {depth:g} m"

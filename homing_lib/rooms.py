@@ -17,11 +17,10 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class Texture:
-    """A procedural surface: noise of several scales around a base colour, and grain, spread over the whole range.
+    """A procedural surface: noise of several scales around a base colour (0 to 1 per channel), and grain.
 
-    rgb: base colour, 0 to 1 a channel. contrast: strength of the patches; grain: of the noise from texel to texel
-    (both as standard deviations on a logit scale). patches: coarse cells along the longer side. picture: paint a sun
-    over a horizon on top.
+    contrast: strength of the patches, and grain: of the noise from texel to texel, both as standard deviations on a
+    logit scale. patches: coarse cells along a side. picture: paint a sun over a horizon on top.
     """
 
     rgb: tuple[float, float, float]
@@ -32,44 +31,43 @@ class Texture:
 
 
 @dataclass(frozen=True)
-class Box:
-    """An upright box on the floor: centre x, y and size in metres, seen and touched from all sides."""
+class _Thing:
+    """What stands on the floor: its centre, and further measures, in metres."""
 
     name: str
     x: float
     y: float
-    size: tuple[float, float, float]
-    texture: Texture
-    front: Texture | None = None
-    """The face towards -x, where it differs (a television's picture)."""
 
 
 @dataclass(frozen=True)
-class Cone:
-    """An upright cone on the floor: centre, radius and height in metres."""
+class Box(_Thing):
+    """Upright, seen and touched from all sides. front: the face towards -x, where it differs (a television's)."""
 
-    name: str
-    x: float
-    y: float
+    size: tuple[float, float, float]
+    texture: Texture
+    front: Texture | None = None
+
+
+@dataclass(frozen=True)
+class Cone(_Thing):
+    """Upright."""
+
     radius: float
     height: float
     texture: Texture
 
 
 @dataclass(frozen=True)
-class Ball:
-    """A ball on the floor: centre and radius in metres."""
+class Ball(_Thing):
+    """As high as it is wide."""
 
-    name: str
-    x: float
-    y: float
     radius: float
     texture: Texture
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A flat picture on a wall: centre along the wall and above the floor, width and height, in metres."""
+    """On a wall, flat: centre along the wall and above the floor, width and height, in metres."""
 
     wall: str
     along: float
@@ -134,14 +132,9 @@ PAPER = Room(
     home_objects=("television", "cone", "ball"),
 )
 
-DIVIDED = replace(
-    PAPER,
-    name="divided",
-    objects=(
-        *PAPER.objects,
-        Box("partition", x=0.55, y=0.31, size=(0.04, 0.62, 0.30), texture=Texture((0.50, 0.35, 0.60))),
-    ),
-)
+_PARTITION = Box("partition", x=0.55, y=0.31, size=(0.04, 0.62, 0.30), texture=Texture((0.50, 0.35, 0.60)))
+
+DIVIDED = replace(PAPER, name="divided", objects=(*PAPER.objects, _PARTITION))
 """The paper's room with a wall across it, open for 38 cm in the north: the u-turn must go round."""
 
 ATTIC = Room(

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from functools import cache
+from itertools import product
 from math import cos, pi, sin
 from typing import NamedTuple
 
@@ -15,15 +16,13 @@ from homing_lib.rooms import Ball, Box, Cone, Texture
 
 Image = NDArray[np.uint8]
 
-_COLOUR_SHARE = 0.35
-_PERSISTENCE = 0.4
+_COLOUR_SHARE, _PERSISTENCE = 0.35, 0.4
 
 
 @cache
 def paint(texture: Texture, seed: int, name: str, texels: int = 256) -> Image:
     """The texels of a surface, shape (texels, texels, 3). The same texture, seed and name give the same bytes."""
-    key = int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8])
-    rng = np.random.default_rng(key)
+    rng = np.random.default_rng(int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8]))
     base = np.clip(np.array(texture.rgb), 0.02, 0.98)
     logit = np.log(base / (1 - base)) + np.zeros((texels, texels, 3))
 
@@ -54,12 +53,12 @@ class Mesh(NamedTuple):
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    joined = Mesh([], [], [])
+    whole = Mesh([], [], [])
     for mesh in meshes:
-        joined.triangles.extend(index + len(joined.vertices) for index in mesh.triangles)
-        joined.vertices.extend(mesh.vertices)
-        joined.uvs.extend(mesh.uvs)
-    return joined
+        whole.triangles.extend(index + len(whole.vertices) for index in mesh.triangles)
+        whole.vertices.extend(mesh.vertices)
+        whole.uvs.extend(mesh.uvs)
+    return whole
 
 
 def quad(corner: ArrayLike, right: ArrayLike, up: ArrayLike) -> Mesh:
@@ -72,8 +71,7 @@ def quad(corner: ArrayLike, right: ArrayLike, up: ArrayLike) -> Mesh:
 def box_sides(box: Box) -> list[Mesh]:
     """Front (towards -x), back, the two ends and the top."""
     length, width, height = box.size
-    x0, x1 = box.x - length / 2, box.x + length / 2
-    y0, y1 = box.y - width / 2, box.y + width / 2
+    x0, x1, y0, y1 = box.x - length / 2, box.x + length / 2, box.y - width / 2, box.y + width / 2
     up = (0, 0, height)
     return [
         quad((x0, y1, 0), (0, -width, 0), up),
@@ -93,16 +91,13 @@ def cone_mesh(cone: Cone, sides: int = 16) -> Mesh:
 
 
 def ball_mesh(ball: Ball, rings: int = 6, sides: int = 12) -> Mesh:
-    mesh = Mesh([], [], [])
-    for ring in range(rings + 1):
-        for side in range(sides + 1):
-            down, around = pi * ring / rings, 2 * pi * side / sides
-            flat = ball.radius * sin(down)
-            mesh.vertices.append(
-                (ball.x + flat * cos(around), ball.y + flat * sin(around), ball.radius + ball.radius * cos(down))
-            )
-            mesh.uvs.append((side / sides, ring / rings))
-    for first in (ring * (sides + 1) + side for ring in range(rings) for side in range(sides)):
-        below = first + sides + 1
-        mesh.triangles.extend((first, below, first + 1, first + 1, below, below + 1))
+    mesh, r = Mesh([], [], []), ball.radius
+    for ring, side in product(range(rings + 1), range(sides + 1)):
+        down, around = pi * ring / rings, 2 * pi * side / sides
+        flat = r * sin(down)
+        mesh.vertices.append((ball.x + flat * cos(around), ball.y + flat * sin(around), r + r * cos(down)))
+        mesh.uvs.append((side / sides, ring / rings))
+        if ring < rings and side < sides:
+            first, below = (row * (sides + 1) + side for row in (ring, ring + 1))
+            mesh.triangles.extend((first, below, first + 1, first + 1, below, below + 1))
     return mesh

@@ -131,18 +131,18 @@ def held():
 
 
 def test_the_compact_atlas_is_small_and_says_what_it_holds(held):
-    header, arrays = held
+    header, looked_up = held
     assert COMPACT.stat().st_size < 4e6
     settings = Settings(**header["settings"])
     lattice = Lattice(PAPER, settings)
     assert settings == compact.SETTINGS.with_changes(images="camera")
     assert (header["x0"], header["y0"]) == lattice.pose(0, 0, 0)[:2]
-    assert arrays["clearance_m"].shape == (lattice.nx, lattice.ny)
-    free = (arrays["clearance_m"] >= -header["margin_m"]).sum()
-    assert arrays["infrared_m"].shape == (free, lattice.headings, 8)
-    counts = 256 * arrays["counts_high"].astype(int) + arrays["counts_low"]
-    assert counts.shape == (free, lattice.headings, settings.n_features)
-    assert (counts.reshape(free, lattice.headings, 3, -1).sum(axis=3) == settings.image_size**2).all()
+    assert looked_up.clearance_m.shape == (lattice.nx, lattice.ny)
+    free = (looked_up.clearance_m >= -header["margin_m"]).sum()
+    assert looked_up.infrared_m.shape == (free, lattice.headings, 8)
+    assert looked_up.counts.shape == (free, lattice.headings, settings.n_features)
+    pixels = looked_up.counts.reshape(free, lattice.headings, 3, -1).sum(axis=3)
+    assert (pixels == settings.image_size**2).all()
 
 
 def test_the_compact_atlas_is_what_the_camera_sees_to_the_bit(arena):
