@@ -51,10 +51,7 @@ _ROBOT_GROUP = 64
 
 
 class Arena:
-    """A room and the robot's body in it. Use as a context manager, or `close()` it: it holds a Bullet client.
-
-    room: what to build; settings: camera, body and infra-red fields.
-    """
+    """A room and the robot's body in it. Use as a context manager, or `close()` it: it holds a Bullet client."""
 
     def __init__(self, room: Room, settings: Settings) -> None:
         self.room, self.settings = room, settings
@@ -148,10 +145,8 @@ class Arena:
         radius = self.settings.body_diameter_m / 2
         reach = radius + self.settings.infrared_range_m
         directions = [pose.heading + radians(angle) for angle in INFRARED_ANGLES_DEG]
-        starts, ends = (
-            [(pose.x + r * cos(d), pose.y + r * sin(d), _BODY_HEIGHT_M / 2) for d in directions]
-            for r in (radius, reach)
-        )
+        (x, y, _), z = pose, _BODY_HEIGHT_M / 2
+        starts, ends = ([(x + r * cos(d), y + r * sin(d), z) for d in directions] for r in (radius, reach))
         # Not its own body, which stands where it was last asked for a clearance.
         hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=~_ROBOT_GROUP, **self._ours)
         return np.array([hit[2] for hit in hits]) * self.settings.infrared_range_m
@@ -209,9 +204,8 @@ class Arena:
         of_mesh = {"vertices": mesh.vertices, "indices": mesh.triangles, "uvs": mesh.uvs}
         of_mesh["normals"] = [(0.0, 0.0, 1.0)] * len(mesh.vertices)
         visual = pybullet.createVisualShape(pybullet.GEOM_MESH, **of_mesh, **self._ours)
-        body: int = pybullet.createMultiBody(
-            baseVisualShapeIndex=visual, baseCollisionShapeIndex=collider, **self._ours
-        )
+        shapes = {"baseVisualShapeIndex": visual, "baseCollisionShapeIndex": collider}
+        body: int = pybullet.createMultiBody(**shapes, **self._ours)
         path = self._texture_folder / f"{body}.png"
         if not cv2.imwrite(str(path), paint(texture, self.room.texture_seed, name)[:, :, ::-1]):
             raise OSError(f"{path}: the texture could not be written; is the disk full?")
@@ -228,7 +222,7 @@ class Arena:
         """Free the Bullet client. Closing twice is harmless."""
         if self._client >= 0:
             pybullet.disconnect(self._client)
-            self._client = -1
+            self._client = self._ours["physicsClientId"] = -1  # others may have its number next
 
     def __enter__(self) -> "Arena":
         return self

@@ -1,8 +1,7 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
-from functools import lru_cache, partial
 from math import cos, isfinite, pi, radians, sin
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -166,7 +165,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.world: World
         self._arena: Arena | None = None
         self._atlas: atlas.Atlas | None = None
-        self._seen_from: Callable[[int], tuple[Array, float]]
+        self._seen: dict[int, tuple[Array, float]] = {}  # features and similarity, by lattice pose
         self._seen_by: HomeModel | None = None
         if settings.images == "camera":
             from homing_lib import arena
@@ -189,9 +188,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         if self.model is None:
             self.model = self._shared_survey()
-        if self._atlas is not None and self._seen_by is not self.model:
-            self._seen_from = lru_cache(_REMEMBERED)(partial(_seen_from, self._atlas, self.model))
-            self._seen_by = self.model
+        if self._seen_by is not self.model or len(self._seen) > 10_000:  # some 20 MB
+            self._seen, self._seen_by = {}, self.model
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
@@ -247,9 +245,15 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def _look(self) -> tuple[Any, float]:
         """The observation from where the robot is, and its similarity."""
+        assert self.model is not None
         if self._atlas is not None:
-            return self._seen_from(self._atlas.nearest(self._robot.pose))
-        assert self._arena is not None and self.model is not None
+            number = self._atlas.nearest(self._robot.pose)
+            if number not in self._seen:
+                features = self.model.features(self._atlas.view(number))
+                features.setflags(write=False)
+                self._seen[number] = features, similarity(features)
+            return self._seen[number]
+        assert self._arena is not None
         image = self._arena.image(self._robot.pose)
         features = self.model.features(histogram(image, self.settings.bin_size))
         return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
@@ -283,17 +287,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return Pose(x, y, wrapped(heading))
 
 
-_REMEMBERED = 10_000
-"""Views of an atlas whose features an environment keeps: some 20 MB."""
-
-
-def _seen_from(world: atlas.Atlas, model: HomeModel, number: int) -> tuple[Array, float]:
-    """Features and similarity at a lattice pose: the same whenever the robot comes by, so they must not be changed."""
-    features = model.features(world.view(number))
-    features.flags.writeable = False
-    return features, similarity(features)
-
-
 _SURVEYS: dict[str, HomeModel] = {}
 """What this process has found out about homes, by all that it depends on."""
 
@@ -308,10 +301,7 @@ def draw(
     pose: Pose,
     home: Pose | None = None,
 ) -> Image:
-    """A copy of the room from above with home (a square), the path and the robot at a pose.
-
-    top_view: shape (height, width, 3), of `Arena.top_view`; path: positions in metres; home: by default the room's.
-    """
+    """A copy of `Arena.top_view`, shape (height, width, 3), with home (by default the room's), path and robot."""
     frame, home = top_view.copy(), home or room.home
     scale, radius = frame.shape[1] / room.size[0], settings.body_diameter_m / 2
 

@@ -39,12 +39,10 @@ def difference_variance(
 ) -> Array:
     """Eq. (9)-(10): sigma^2 of the difference between a view's bins and a snapshot's, over T views.
 
-    histograms: shape (T, 3 B), T >= 2; snapshots: shape (m, 3 B). Returns shape (m, 3 B).
-
-    - `centre`: "mean" takes the variance about the mean; "zero" the mean square, as eq. (9) prints it. (The factor is
-      1/(T - 1) in both; printed is 1/T - 1, which is negative.)
-    - `variance`: "per-bin" keeps one value a bin (eq. 8), "pooled" one average for all bins (eq. 12).
-    - `floor`: least variance of a bin, in squared shares of pixels, so that a bin that never varied has features too.
+    histograms: shape (T, 3 B), T >= 2; snapshots: shape (m, 3 B). Returns shape (m, 3 B). centre: "mean" takes the
+    variance about the mean; "zero" the mean square, as eq. (9) prints it. (The factor is 1/(T - 1) in both; printed is
+    1/T - 1, which is negative.) variance: "per-bin" keeps one value per bin (eq. 8), "pooled" one average for all
+    (eq. 12). floor: least variance of a bin, in squared shares of pixels: one that never varied has features too.
     """
     if len(histograms) < 2:
         raise ValueError(f"{len(histograms)} views: at least 2 are needed for a variance (eq. 9)")

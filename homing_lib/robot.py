@@ -58,8 +58,7 @@ def drive(
 ) -> tuple[Pose, bool]:
     """Follow the arc to its end, or until the body touches something. Returns the pose and whether it was stopped.
 
-    A clearance changes by no more than the centre moves: an arc that is shorter than the clearance at its start needs
-    no further look.
+    A clearance changes by no more than the centre moves: an arc shorter than that at its start needs no further look.
     """
     end, advance = arc(pose, left, right, wheel_base), abs(left + right) / 2
     if not advance or clearance(pose.x, pose.y) > advance:

@@ -80,8 +80,7 @@ class Picture:
 class Room:
     """A rectangle from (0, 0) to `size` with walls east (+x), north (+y), west and south, and what stands in it.
 
-    home: where the snapshot is taken. start: where every training episode begins. home_objects: names of what must
-    not be seen from there. texture_seed: fixes all surfaces.
+    home: where the snapshot is taken; start: where training episodes begin, and no home_objects are in sight.
     """
 
     name: str

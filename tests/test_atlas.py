@@ -54,7 +54,7 @@ def said(errors: str) -> list[str]:
 
 
 def parts(folder: Path) -> list[Path]:
-    return list(folder.glob("paper-*/*.npz"))
+    return list(folder.glob("paper-*/[!.]*.npz"))
 
 
 def wait_for_parts(folder: Path, count: int, building: subprocess.Popen[str]) -> None:
