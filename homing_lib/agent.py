@@ -12,6 +12,7 @@ from homing_lib import lambdas
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
 from homing_lib.features import Array, similarity
+from homing_lib.lambdas import LambdaRule
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.settings import Settings
@@ -38,11 +39,8 @@ class SarsaAgent:
     lambda_rule: a function to use in place of the settings' rule.
     """
 
-    def __init__(
-        self, settings: Settings, rng: np.random.Generator, lambda_rule: lambdas.LambdaRule | None = None
-    ) -> None:
-        self.settings = settings
-        self._rng = rng
+    def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
+        self.settings, self._rng = settings, rng
         chosen = lambdas.parse(settings.lambda_rule)
         rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
@@ -83,9 +81,8 @@ class SarsaAgent:
         """One update. Returns the TD error, lambda, whether it was clipped, and the length of the weights' change."""
         if at_wall and not self.settings.learn_at_walls:
             return 0.0, 0.0, False, 0.0
-        learner = self.learner
-        delta = learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
-        return delta, learner.lambda_, learner.clipped, learner.change
+        delta = self.learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
+        return delta, self.learner.lambda_, self.learner.clipped, self.learner.change
 
 
 class RandomAgent:
@@ -122,17 +119,10 @@ class ClimbingAgent(RandomAgent):
         return self._action
 
 
-class Settled(RandomAgent):
-    """A trained agent that only drives: its last exploration, its weights as they are."""
-
-    def __init__(self, agent: "Agent") -> None:
-        self.choose = agent.choose  # type: ignore[method-assign]
-
-
 Agent = SarsaAgent | RandomAgent
 
 
-def overwritten(rule: lambdas.LambdaRule) -> lambdas.LambdaRule:
+def overwritten(rule: LambdaRule) -> LambdaRule:
     """The rule as Fig. 2's last lines feed it: phi_t is overwritten before it is kept, so that phi_(t-1) is phi_t."""
     return lambda **seen: rule(**{**seen, "phi_prev": seen["phi"]})
 
@@ -186,7 +176,7 @@ class Run:
         """The steps of episode 1, 2, ...; negative numbers count from the last."""
         if number == 0:
             raise IndexError("episodes count from 1")
-        index = number - 1 if number > 0 else number
+        index = number - (number > 0)
         return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
 
 
@@ -196,7 +186,7 @@ _REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": Cli
 def run(
     settings: Settings,
     seed: int,
-    lambda_rule: lambdas.LambdaRule | None = None,
+    lambda_rule: LambdaRule | None = None,
     after_episode: Callable[[int], object] = lambda number: None,
     afterwards: Callable[[HomingEnv, Agent], object] = lambda env, agent: None,
 ) -> Run:
@@ -229,11 +219,6 @@ def run(
             after_episode(number)
         else:
             afterwards(env, agent)
-    return Run(
-        settings,
-        seed,
-        np.concatenate(episodes) if episodes else np.empty((0, len(STEP_COLUMNS))),
-        np.array([len(steps) for steps in episodes], dtype=np.int64),
-        np.array(reached, dtype=bool),
-        diverged,
-    )
+    steps = np.concatenate(episodes) if episodes else np.empty((0, len(STEP_COLUMNS)))
+    lengths = np.array([len(steps) for steps in episodes], dtype=np.int64)
+    return Run(settings, seed, steps, lengths, np.array(reached, dtype=bool), diverged)

@@ -36,11 +36,8 @@ from homing_lib.storage import ROOT, read_arrays, write_arrays
 
 FOLDER = ROOT / ".build" / "atlas"
 
-_BLOCK = 3
-"""Columns of the lattice that are rendered and kept together."""
-
-_OUTSIDE_M = -0.1
-"""The clearance outside the lattice, which is outside the room."""
+_BLOCK = 3  # columns of the lattice that are rendered and kept together
+_OUTSIDE_M = -0.1  # the clearance outside the lattice, which is outside the room
 
 
 def camera_available() -> bool:
@@ -66,11 +63,9 @@ class Lattice:
 
     def pose(self, i: int, j: int, k: int) -> Pose:
         """The pose of lattice point i, j and heading k: home's to the bit at home."""
-        return Pose(
-            self.home.x + (i - self._i_home) * self.spacing,
-            self.home.y + (j - self._j_home) * self.spacing,
-            self.home.heading + 2 * pi * k / self.headings,
-        )
+        x, y, heading = self.home
+        x, y = x + (i - self._i_home) * self.spacing, y + (j - self._j_home) * self.spacing
+        return Pose(x, y, heading + 2 * pi * k / self.headings)
 
 
 def _axis(anchor: float, length: float, spacing: float) -> tuple[int, int]:

@@ -21,8 +21,7 @@ from homing_lib.thresholds import stopping_thresholds
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
 
-CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100
-"""The mean of 1/t over the first 100 steps: what `step_cost = "constant"` charges per step."""
+CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
 
 Start = tuple[float, float, float] | Literal["uniform"]
 
@@ -280,26 +279,18 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"{what} = {pose!r}: must be a pose (x, y, heading) in metres and radians") from None
         width, depth = self.room.size
         if not (0 <= x <= width and 0 <= y <= depth and isfinite(heading) and self.world.clearance(x, y) >= 0):
-            raise UserError(
-                f"{what} = ({x:g}, {y:g}, {heading:g}): the robot does not fit there; choose a pose in free space of "
-                f"room {self.room.name!r}, {width:g} m x {depth:g} m"
-            )
+            where = f"choose a pose in free space of room {self.room.name!r}, {width:g} m x {depth:g} m"
+            raise UserError(f"{what} = ({x:g}, {y:g}, {heading:g}): the robot does not fit there; {where}")
         return Pose(x, y, wrapped(heading))
 
 
-_SURVEYS: dict[str, HomeModel] = {}
-"""What this process has found out about homes, by all that it depends on."""
+_SURVEYS: dict[str, HomeModel] = {}  # what this process has found out about homes, by all that it depends on
 
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
 def draw(
-    top_view: Image,
-    room: Room,
-    settings: Settings,
-    path: Sequence[tuple[float, float]],
-    pose: Pose,
-    home: Pose | None = None,
+    top_view: Image, room: Room, settings: Settings, path: Sequence[Any], pose: Pose, home: Pose | None = None
 ) -> Image:
     """A copy of `Arena.top_view`, shape (height, width, 3), with home (by default the room's), path and robot."""
     frame, home = top_view.copy(), home or room.home

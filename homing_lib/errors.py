@@ -1,7 +1,6 @@
 """What goes wrong by no fault of the code: one line that says what, where and the remedy."""
 
-RESUMES = "what was finished is kept; the same command resumes from there"
-"""What is said of a command that was stopped."""
+RESUMES = "what was finished is kept; the same command resumes from there"  # said of a command that was stopped
 
 
 class UserError(Exception):

@@ -36,18 +36,12 @@ TAKES_AND_RETURNS = (
     "does not need may go to **_) that returns a finite number, such as lambdas.fletcher_reeves or Fixed(0.9)"
 )
 
-RULES: dict[str, LambdaRule] = {}
-"""The rules that settings know by name."""
+RULES: dict[str, LambdaRule] = {}  # those that settings know by name
 
 
 def named(name: str) -> Callable[[LambdaRule], LambdaRule]:
     """A decorator that lists a rule in RULES."""
-
-    def listed(rule: LambdaRule) -> LambdaRule:
-        RULES[name] = rule
-        return rule
-
-    return listed
+    return lambda rule: RULES.update({name: rule}) or rule
 
 
 @named("hestenes-stiefel")
@@ -127,8 +121,8 @@ class Choice(NamedTuple):
 
     name: str
     rule: LambdaRule
-    on_zero: float = 0.0
-    clip: bool = True
+    on_zero: float
+    clip: bool
 
     def __str__(self) -> str:
         guard = f":on_zero={_short(self.on_zero)}" if self.on_zero else ""
@@ -140,11 +134,10 @@ def parse(text: str) -> Choice:
 
     ValueError, in one line, for a name or an option that does not exist.
     """
+    known = f"fixed:<lambda>, {', '.join(RULES)}"
     if not isinstance(text, str):
-        raise ValueError(
-            f"settings name their rule: fixed:<lambda>, {', '.join(RULES)}; `agent.run` and the learners also take a "
-            f"function: {TAKES_AND_RETURNS}"
-        )
+        others = f"`agent.run` and the learners also take a function: {TAKES_AND_RETURNS}"
+        raise ValueError(f"settings name their rule: {known}; {others}")
     name, *options = text.split(":")
     while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):
         name += f":{options.pop(0)}"
@@ -154,16 +147,14 @@ def parse(text: str) -> Choice:
     elif name in RULES:
         rule = RULES[name]
     else:
-        raise ValueError(f"unknown lambda rule {text!r}; known: fixed:<lambda>, {', '.join(RULES)}")
-    choice = Choice(name, rule)
+        raise ValueError(f"unknown lambda rule {text!r}; known: {known}")
+    on_zero = 0.0
     for option in options:
-        if option == "unclipped":
-            choice = choice._replace(clip=False)
-        elif option.startswith("on_zero="):
-            choice = choice._replace(on_zero=unit_interval("on_zero", float(option.removeprefix("on_zero="))))
-        else:
+        if option.startswith("on_zero="):
+            on_zero = unit_interval("on_zero", float(option.removeprefix("on_zero=")))
+        elif option != "unclipped":
             raise ValueError(f"unknown option {option!r} in {text!r}; known: unclipped, on_zero=<lambda>")
-    return choice
+    return Choice(name, rule, on_zero, "unclipped" not in options)
 
 
 def checked(rule: LambdaRule) -> LambdaRule:

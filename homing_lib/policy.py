@@ -30,7 +30,10 @@ def scaled(values: Sequence[float], *, literal: bool = False) -> list[float]:
 def softmax(preferences: Sequence[float], temperature: float) -> list[float]:
     """Eq. (20), second line, divided by its sum so that it is a distribution. `temperature` is the paper's tau."""
     top = max(preferences)
-    weights = [exp((preference - top) / temperature) for preference in preferences]
+    return _shares([exp((preference - top) / temperature) for preference in preferences])
+
+
+def _shares(weights: list[float]) -> list[float]:
     total = sum(weights)
     return [weight / total for weight in weights]
 
@@ -61,9 +64,7 @@ def action_probabilities(
         return [(s + g) / 2 for s, g in zip(soft, greedy, strict=True)]
     preferences = [min(max(value / temperature, -_LARGEST), _LARGEST) for value in scaled(values, literal=True)]
     top = max(0.0, *preferences)  # a common factor of numerator and denominator, taken out against overflow
-    terms = [exp(p - top) + g * exp(-top) for p, g in zip(preferences, greedy, strict=True)]
-    total = sum(terms)
-    return [term / total for term in terms]
+    return _shares([exp(p - top) + g * exp(-top) for p, g in zip(preferences, greedy, strict=True)])
 
 
 def sample(probabilities: Sequence[float], rng: np.random.Generator) -> int:

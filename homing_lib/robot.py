@@ -13,16 +13,12 @@ from homing_lib.features import Array
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 
-LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD = range(3)
-"""The three actions of section III.D."""
-
-ACTION_NAMES = ("left", "right", "forward")
+LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD = range(3)  # section III.D
 
 INFRARED_ANGLES_DEG = (85.0, 45.0, 10.0, -10.0, -45.0, -85.0, 160.0, -160.0)
 """Directions of the eight infra-red sensors from the heading, anticlockwise (Khepera II)."""
 
-FRONT_SENSORS = slice(1, 5)
-"""Those that decide whether the way is clear: 45, 10, -10 and -45 degrees."""
+FRONT_SENSORS = slice(1, 5)  # 45, 10, -10 and -45 degrees: they decide whether the way is clear
 
 
 class World(Protocol):

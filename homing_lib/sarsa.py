@@ -79,9 +79,8 @@ class LinearSarsa:
     ) -> None:
         if min(n_features, n_actions) < 1:
             raise ValueError(f"there must be at least 1 feature and 1 action, got {n_features} and {n_actions}")
-        one_of("traces", traces, get_args(Traces))
-        self.traces = traces
-        self.updates: Update = update if update is not None else "all" if traces == "dutch" else "taken"
+        self.traces, self.updates = traces, update or ("all" if traces == "dutch" else "taken")
+        one_of("traces", self.traces, get_args(Traces))
         one_of("update", self.updates, get_args(Update))
         self.step_size = step_size
         self.discount = unit_interval("discount", discount)
@@ -91,8 +90,7 @@ class LinearSarsa:
         self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
         self._shape = (n_features,)
         self._theta_of = list(self._theta)  # views of its rows: theta(a) without making one at each step
-        self.steps = 0
-        self.change = 0.0
+        self.steps, self.change = 0, 0.0
         self.begin_episode()
 
     @property

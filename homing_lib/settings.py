@@ -155,9 +155,8 @@ class Settings(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> "Settings":
         if self.clear_way_m > self.infrared_range_m:
-            raise ValueError(
-                f"clear_way_m = {self.clear_way_m}: must not exceed infrared_range_m = {self.infrared_range_m}"
-            )
+            bound = f"must not exceed infrared_range_m = {self.infrared_range_m}"
+            raise ValueError(f"clear_way_m = {self.clear_way_m}: {bound}")
         if 360 % self.atlas_heading_deg:
             raise ValueError(f"atlas_heading_deg = {self.atlas_heading_deg}: must divide 360")
         return self

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from homing_lib.lambdas import RULES, Array, one_of
-from homing_lib.sarsa import Diverged, LinearSarsa, finite, linear, silent
-
-__all__ = ["ConjugateTD", "Diverged", "LinearTD", "TrueOnlineTD", "beta"]
+from homing_lib.sarsa import Diverged as Diverged
+from homing_lib.sarsa import LinearSarsa, finite, linear, silent
 
 Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
 

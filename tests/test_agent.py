@@ -14,7 +14,6 @@ from homing_lib.agent import (
     RandomAgent,
     Run,
     SarsaAgent,
-    Settled,
     overwritten,
     run,
     run_episode,
@@ -26,6 +25,7 @@ from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.study import runs, studies
+from homing_lib.study.measures import Settled
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from homing_lib.agent import STEP_COLUMNS, Agent, Run, Settled, run, run_episode
+from homing_lib.agent import STEP_COLUMNS, Agent, RandomAgent, Run, run, run_episode
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
@@ -17,8 +17,7 @@ from homing_lib.settings import Settings
 from homing_lib.study.runs import Columns
 from homing_lib.thresholds import stopping_thresholds
 
-WINDOW = 5
-"""Episodes at each end of a run that are compared: the first five with the last five."""
+WINDOW = 5  # episodes at each end of a run that are compared: the first five with the last five
 
 
 def episodes(settings: Settings, seed: int) -> Columns:
@@ -45,8 +44,7 @@ def episode_table(result: Run) -> Columns:
     return {"episode": number, **padded, "diverged": (number > len(lengths)).astype(float)}
 
 
-TRIAL_STEPS = 300
-"""A robot that has not come home by then is counted as lost."""
+TRIAL_STEPS = 300  # a robot that has not come home by then is counted as lost
 
 TRIAL_LIGHTS = (1.0, 0.97, 1.03)
 """Brightness of the trials: as learnt, and changed so little that home still looks like home."""
@@ -82,6 +80,13 @@ def trials(settings: Settings, seed: int) -> Columns:
     names = ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
     run(settings, seed, afterwards=afterwards)
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+
+class Settled(RandomAgent):
+    """A trained agent that only drives: its last exploration, its weights as they are."""
+
+    def __init__(self, agent: Agent) -> None:
+        self.choose = agent.choose  # type: ignore[method-assign]
 
 
 class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -39,11 +39,9 @@ from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, missing, read_arrays, write_arrays, write_bytes
 
-DATA = ROOT / "data"
-"""What is committed: complete runs of the headline, and one table for every other study."""
+DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
-SCRATCH = ROOT / ".build" / "runs"
-"""The single runs from which tables are made."""
+SCRATCH = ROOT / ".build" / "runs"  # the single runs from which tables are made
 
 TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:

@@ -15,8 +15,7 @@ from homing_lib.features import Array
 
 RESAMPLES = 9999
 
-MARGIN = 1.25
-"""Steps that differ by no more than this factor, in either direction, are called comparable."""
+MARGIN = 1.25  # steps that differ by no more than this factor, in either direction, are called comparable
 
 
 class Interval(NamedTuple):

@@ -249,8 +249,7 @@ def in_order() -> Iterator[Study]:
     return (each() for each in _LISTED)
 
 
-PAGE = DATA / "STUDIES.md"
-"""All studies on one page."""
+PAGE = DATA / "STUDIES.md"  # all studies on one page
 
 
 def page() -> str:
