@@ -128,7 +128,7 @@ test: .venv/.ready
 	$(VENV) -m ruff check
 	$(VENV) -m ruff format --check
 	$(VENV) -m mypy
-	$(VENV) -m pytest -q
+	$(VENV) -m pytest -q -n 2 --dist loadfile
 
 bench: .venv/.ready
 	$(VENV) -m tests.bench

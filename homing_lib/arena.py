@@ -20,6 +20,7 @@ from homing_lib.features import Array, histogram
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import Ball, Box, Cone, Pose, Room, Texture
 from homing_lib.settings import Settings
+from homing_lib.storage import write_bytes
 from homing_lib.surfaces import Image, Mesh, ball_mesh, box_sides, cone_mesh, joined, paint, quad
 
 
@@ -207,10 +208,11 @@ class Arena:
         shapes = {"baseVisualShapeIndex": visual, "baseCollisionShapeIndex": collider}
         body: int = pybullet.createMultiBody(**shapes, **self._ours)
         path = self._texture_folder / f"{body}.png"
-        if not cv2.imwrite(str(path), paint(texture, self.room.texture_seed, name)[:, :, ::-1]):
-            raise OSError(f"{path}: the texture could not be written; is the disk full?")
-        image = pybullet.loadTexture(str(path), **self._ours)
-        pybullet.changeVisualShape(body, -1, textureUniqueId=image, **self._ours)
+        # Not by imwrite, whose libpng has words of its own for a full disk.
+        write_bytes(path, cv2.imencode(".png", paint(texture, self.room.texture_seed, name)[:, :, ::-1])[1].tobytes())
+        pybullet.changeVisualShape(
+            body, -1, textureUniqueId=pybullet.loadTexture(str(path), **self._ours), **self._ours
+        )
         self.body_names[body] = name
         if collider >= 0:
             self._colliders.append(body)
