@@ -210,15 +210,12 @@ class Arena:
         path = self._texture_folder / f"{body}.png"
         # Not by imwrite, whose libpng has words of its own for a full disk.
         write_bytes(path, cv2.imencode(".png", paint(texture, self.room.texture_seed, name)[:, :, ::-1])[1].tobytes())
-        pybullet.changeVisualShape(
-            body, -1, textureUniqueId=pybullet.loadTexture(str(path), **self._ours), **self._ours
-        )
+        image = pybullet.loadTexture(str(path), **self._ours)
+        pybullet.changeVisualShape(body, -1, textureUniqueId=image, **self._ours)
         self.body_names[body] = name
         if collider >= 0:
             self._colliders.append(body)
         return body
-
-    # --- Closing --------------------------------------------------------------------------------------------------
 
     def close(self) -> None:
         """Free the Bullet client. Closing twice is harmless."""
