@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homing_lib import lambdas
-from homing_lib.environment import HomingEnv
+from homing_lib.environment import HomingEnv, seed_of
 from homing_lib.errors import UserError
 from homing_lib.features import Array, similarity
 from homing_lib.lambdas import LambdaRule
@@ -196,6 +196,7 @@ def run(
     after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
     (not if the run diverged).
     """
+    seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
     agent_rng = np.random.default_rng(agent_seed)
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:

@@ -9,12 +9,11 @@ import gzip
 import hashlib
 import inspect
 import json
+import os
 import shutil
-import signal
 import sys
-import zlib
 from contextlib import AbstractContextManager
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -27,12 +26,13 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from homing_lib import features
-from homing_lib.errors import DamagedFile, UserError
+from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import PAPER, Pose, Room
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, read_arrays, write_arrays
+from homing_lib.storage import ROOT, packed, read_arrays, read_bytes, write_bytes
+from homing_lib.workers import begin_work
 
 FOLDER = ROOT / ".build" / "atlas"
 
@@ -168,7 +168,9 @@ def open_compact(room: Room, settings: Settings) -> Atlas:
     for name, value in {"room": room.name, **settings.of_scope("view", "lattice")}.items():
         if value not in (held[name], usual.get(name, held[name])):
             here = f"{name} = {held[name]}, not {value}"
-            raise UserError(f'images = compact holds the paper\'s room with {here}; use images="atlas"')
+            raise UserError(
+                f'images = compact holds the paper\'s room with {here}; use images="atlas", which needs PyBullet'
+            )
     return atlas
 
 
@@ -176,7 +178,7 @@ def open_compact(room: Room, settings: Settings) -> Atlas:
 def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
     """The first line of such a file, and the atlas. Raises DamagedFile if it is not there, whole and of this room."""
     try:
-        line, _, content = gzip.decompress(file.read_bytes()).partition(b"\n")
+        line, _, content = gzip.decompress(read_bytes(file)).partition(b"\n")
         header, arrays, start = json.loads(line), {}, 0
         if header["room_hash"] != hashed(PAPER):
             raise DamagedFile(f"{file}: outdated file, of the paper's room as it was; write it anew: make compact")
@@ -186,8 +188,10 @@ def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
         counts = arrays["counts_high"].astype(np.uint16) << 8 | arrays["counts_low"]
         lattice = Lattice(PAPER, Settings(**header["settings"]))
         atlas = Atlas(lattice, counts, arrays["infrared_m"], arrays["clearance_m"])
-    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
-        what = "missing file" if isinstance(error, FileNotFoundError) else f"damaged file ({error})"
+    except UserError:
+        raise
+    except Exception as error:  # gzip, JSON and NumPy raise what they like
+        what = "missing file" if isinstance(error, FileNotFoundError) else f"damaged file ({shown(str(error))})"
         remedy = "install the package again or, in a clone, restore the file with git"
         raise DamagedFile(f"{file}: {what}; {remedy}") from None
     return header, atlas
@@ -220,9 +224,9 @@ def _version(package: str) -> str:
 def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
     """The arrays of a file; None if there is none, or, having said so, if it is damaged."""
     try:
-        _, arrays = read_arrays(path)
-        if arrays.keys() != {"counts", "infrared_m", "clearance_m"}:
-            raise DamagedFile(f"{path}: damaged file (has {', '.join(arrays) or 'no arrays'})")
+        about, arrays = read_arrays(path)
+        if about != _seal(path, arrays):
+            raise DamagedFile(f"{path}: damaged file (not what was written under this name, or by an older version)")
     except FileNotFoundError:
         return None
     except DamagedFile as error:
@@ -232,21 +236,28 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
     return arrays
 
 
+def _seal(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """What is stored with arrays, by which they are known to be those that were written under this name."""
+    parts = sorted(arrays.items())
+    content = b"".join(repr((name, one.shape, one.dtype.str)).encode() + one.tobytes() for name, one in parts)
+    return {"name": path.stem, "sha256": hashlib.sha256(content).hexdigest()}
+
+
 def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
     """Render blocks of columns in parallel, each kept as soon as it is done, then join them into one file."""
     n, folder = Lattice(room, settings).nx, path.with_suffix("")
-    blocks = {folder / f"{i:04}-{min(i + _BLOCK, n):04}.npz": range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)}
+    columns = [range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)]
+    blocks = {folder / f"{path.stem}-{some.start:04}-{some.stop:04}.npz": some for some in columns}
     todo = [part for part in blocks if _read(part) is None]
-    # Ctrl-C reaches workers too; the parent stops them, and it alone says so.
-    ignore = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
-    rendered = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", initializer=ignore)(
-        joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
+    builders = joblib.Parallel(
+        workers, return_as="generator_unordered", initializer=begin_work, initargs=(os.getpid(),)
     )
+    rendered = builders(joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo)
     for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(blocks), initial=len(blocks) - len(todo)):
         pass
-    columns = [read_arrays(part)[1] for part in blocks]
-    arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
-    write_arrays(path, {}, **arrays)
+    read = [read_arrays(part)[1] for part in blocks]
+    arrays = {name: np.concatenate([some[name] for some in read]) for name in read[0]}
+    write_bytes(path, packed(_seal(path, arrays), arrays))
     shutil.rmtree(folder, ignore_errors=True)
     return arrays
 
@@ -267,13 +278,12 @@ def _render_block(part: Path, columns: range, room: Room, settings: Settings) ->
                     poses = [lattice.pose(i, j, k) for k in range(lattice.headings)]
                     counts.append([world.histogram(pose) * pixels for pose in poses])
                     infrared.append([world.infrared(pose) for pose in poses])
-    write_arrays(
-        part,
-        {},
+    arrays = dict(
         counts=np.rint(counts).astype(np.min_scalar_type(pixels)).reshape(-1, lattice.headings, bins),
         infrared_m=np.reshape(infrared, (-1, lattice.headings, len(INFRARED_ANGLES_DEG))),
         clearance_m=np.reshape(clearances, (-1, lattice.ny)),
     )
+    write_bytes(part, packed(_seal(part, arrays), arrays))
 
 
 def _alone(path: Path) -> AbstractContextManager[Any]:

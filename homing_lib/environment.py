@@ -1,8 +1,10 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
+import weakref
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from math import cos, isfinite, pi, radians, sin
+from operator import index
 from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
@@ -10,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from homing_lib import atlas
-from homing_lib.errors import UserError
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array, HomeModel, difference_variance, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
@@ -136,6 +138,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         **changes: Any,
     ) -> None:
         """Build the world; see the class. Raises UserError, in one line, for what cannot be."""
+        if not isinstance(settings, Settings | None) or not isinstance(model, HomeModel | None):
+            raise UserError("settings and model: must be Settings and a HomeModel; single settings go by their names")
         self.settings = settings = (settings or Settings()).with_changes(**changes)
         self.room = room_named(settings.room)
         size, n = settings.image_size, settings.n_features
@@ -144,19 +148,19 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             "image": box(0, 255, (size, size, 3), np.uint8),
             "features": box(0.0, 1.0, (n,), np.float64),
         }
-        if observation not in spaces:
-            raise UserError(f"observation = {observation!r}: must be one of {', '.join(spaces)}")
+        if observation not in list(spaces):
+            raise UserError(f"observation = {shown(observation)}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
             remedy = 'choose "features", or images="camera"'
             raise UserError(f'observation = "image": an atlas holds histograms only; {remedy}')
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise UserError(f"render_mode = {render_mode!r}: must be rgb_array or None")
+            raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
         self.render_mode, self.model = render_mode, model
-        self._sees_images, self._survey_seed = observation == "image", survey_seed
+        self._sees_images, self._survey_seed = observation == "image", seed_of("survey_seed", survey_seed)
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
         self._top_view: Image | None = None
         self._under_way = self._closed = False
@@ -170,6 +174,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             from homing_lib import arena
 
             self.world = self._arena = arena.Arena(self.room, settings)
+            weakref.finalize(self, self._arena.close)  # of who is dropped unclosed
         else:
             open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
             self.world = self._atlas = open_one(self.room, settings)
@@ -184,9 +189,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Put the robot at the start, drawn with the environment's generator if it is "uniform"."""
         self._require(under_way=False)
+        if not isinstance(options, dict | None) or {*(options or {})} - {"start"}:
+            raise UserError(f"options = {shown(options)}: must be None or {{'start': ...}}")
         super().reset(seed=seed)
         if self.model is None:
             self.model = self._shared_survey()
+            self._require_elsewhere(self.model)
         if self._seen_by is not self.model or len(self._seen) > 10_000:  # some 20 MB
             self._seen, self._seen_by = {}, self.model
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
@@ -204,8 +212,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
         self._require()
-        if action not in (0, 1, 2):
-            raise UserError(f"action = {action!r}: must be 0, 1 or 2")
+        if not self.action_space.contains(action):
+            raise UserError(f"action = {shown(action)}: must be 0, 1 or 2")
         self._steps += 1
         driven, at_wall = self._robot.act(int(action), self.np_random)
         before, (observation, nrb) = self._similarity, self._look()
@@ -235,6 +243,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if self._arena is not None:
             self._arena.close()
         self._closed, self._under_way = True, False
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """To be copied or pickled, which a simulator cannot be."""
+        if self._arena is not None:
+            raise UserError('an environment with images="camera" cannot be copied or pickled; make another like it')
+        return super().__reduce_ex__(protocol)
 
     def _require(self, *, under_way: bool = True) -> None:
         if self._closed:
@@ -269,14 +283,21 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
         return _SURVEYS[key]
 
+    def _require_elsewhere(self, model: HomeModel) -> None:
+        """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Often one is enough."""
+        rng = np.random.default_rng(0)
+        views = (self.world.histogram(free_pose(self.world, self.room, rng)) for _ in range(100))
+        if all(similarity(model.features(view)) >= self._psi_upper for view in views):
+            raise UserError("settings: every view passes for home; more light or a larger multiplier tells them apart")
+
     def _start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         return "uniform" if isinstance(start, str) and start == "uniform" else self._free("start", start)
 
     def _free(self, what: str, pose: Any) -> Pose:
         try:
             x, y, heading = (float(value) for value in pose)
-        except (TypeError, ValueError):
-            raise UserError(f"{what} = {pose!r}: must be a pose (x, y, heading) in metres and radians") from None
+        except (TypeError, ValueError, OverflowError):
+            raise UserError(f"{what} = {shown(pose)}: must be a pose (x, y, heading) in metres and radians") from None
         width, depth = self.room.size
         if not (0 <= x <= width and 0 <= y <= depth and isfinite(heading) and self.world.clearance(x, y) >= 0):
             where = f"choose a pose in free space of room {self.room.name!r}, {width:g} m x {depth:g} m"
@@ -339,6 +360,14 @@ def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generato
     return HomeModel(
         snapshots, difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
     )
+
+
+def seed_of(what: str, seed: Any) -> Any:
+    """A seed as Python's own number, or a SeedSequence as it is. Raises UserError for anything else, None too."""
+    with suppress(TypeError):
+        if isinstance(seed, np.random.SeedSequence) or index(seed) >= 0:
+            return seed if isinstance(seed, np.random.SeedSequence) else index(seed)
+    raise UserError(f"{what} = {shown(seed)}: must be 0, 1, 2, ...")
 
 
 def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:

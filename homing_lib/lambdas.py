@@ -28,6 +28,8 @@ import numpy.typing as npt
 # x^T y as a plain float: some hundred components in a third of the time of x @ y, and overflow is silent.
 from scipy.linalg.blas import ddot as dot
 
+from homing_lib.errors import nearest, shown
+
 Array = npt.NDArray[np.float64]
 LambdaRule = Callable[..., float]
 
@@ -137,7 +139,10 @@ def parse(text: str) -> Choice:
     known = f"fixed:<lambda>, {', '.join(RULES)}"
     if not isinstance(text, str):
         others = f"`agent.run` and the learners also take a function: {TAKES_AND_RETURNS}"
-        raise ValueError(f"settings name their rule: {known}; {others}")
+        number = (
+            f"'fixed:{_short(float(text))}', or any of " if isinstance(text, int | float) and 0 <= text <= 1 else ""
+        )
+        raise ValueError(f"settings name their rule: {number}{known}; {others}")
     name, *options = text.split(":")
     while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):
         name += f":{options.pop(0)}"
@@ -147,13 +152,13 @@ def parse(text: str) -> Choice:
     elif name in RULES:
         rule = RULES[name]
     else:
-        raise ValueError(f"unknown lambda rule {text!r}; known: {known}")
+        raise ValueError(f"unknown lambda rule {shown(text)}; known: {known}{nearest(text, RULES)}")
     on_zero = 0.0
     for option in options:
         if option.startswith("on_zero="):
             on_zero = unit_interval("on_zero", float(option.removeprefix("on_zero=")))
         elif option != "unclipped":
-            raise ValueError(f"unknown option {option!r} in {text!r}; known: unclipped, on_zero=<lambda>")
+            raise ValueError(f"unknown option {shown(option)} in {shown(text)}; known: unclipped, on_zero=<lambda>")
     return Choice(name, rule, on_zero, "unclipped" not in options)
 
 

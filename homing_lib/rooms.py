@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import pi
 from typing import NamedTuple
 
-from homing_lib.errors import UserError
+from homing_lib.errors import UserError, nearest, shown
 
 
 class Pose(NamedTuple):
@@ -170,5 +170,6 @@ ROOMS = {room.name: room for room in (PAPER, DIVIDED, ATTIC)}
 def room_named(name: str) -> Room:
     """The room of this name. Raises UserError for one that does not exist."""
     if name not in ROOMS:
-        raise UserError(f"room {name!r}: there is none of this name; known are {', '.join(ROOMS)}")
+        known = f"known are {', '.join(ROOMS)}{nearest(name, ROOMS)}"
+        raise UserError(f"room {shown(name)}: there is none of this name; {known}")
     return ROOMS[name]

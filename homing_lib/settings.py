@@ -10,17 +10,22 @@ from math import radians
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from homing_lib import lambdas
-from homing_lib.errors import UserError
+from homing_lib.errors import UserError, nearest, shown
 from homing_lib.features import Array, Centre, Variance, bins_per_channel
 from homing_lib.policy import Mixture, decrease_rate
+from homing_lib.rooms import room_named
 from homing_lib.sarsa import Traces, Update
 
 
 def _known_rule(text: str) -> str:
     return str(lambdas.parse(text))
+
+
+def _known_room(name: str) -> str:
+    return room_named(name).name
 
 
 def _field(default: Any, description: str, printed: str | None = None, scope: str = "", **bounds: Any) -> Any:
@@ -47,24 +52,24 @@ class Settings(BaseModel):
             raise UserError("; ".join(_one_line(problem) for problem in error.errors())) from None
 
     # --- Table I -------------------------------------------------------------------------------------------------
-    episodes: int = _field(20, "Table I, EP: episodes of a run", "20", ge=1)
+    episodes: int = _field(20, "Table I, EP: episodes of a run", "20", ge=1, le=1_000_000)
     alpha0: float = _field(
         1.25e-3,
         "Table I, alpha_0: initial step size. Three values are printed; calibration picked the one of section IV.A",
         "1.25e-2 (table), 1.25e-3 (text), 0.1/(2 EP^2) = 1.25e-4 (formula)",
-        gt=0,
+        ge=1e-9,
     )
     epsilon0: float = _field(
         0.3, "Table I, epsilon_0: initial exploration. 0.3 EP is no probability", "0.3 EP = 6", ge=0, le=1
     )
     first_episode_share: float = _field(
-        0.3, "Table I, ep_0 as a share of EP: how soon alpha, epsilon and tau fall (eq. 23)", "0.3 EP = 6", ge=0
+        0.3, "Table I, ep_0 as a share of EP: how soon alpha, epsilon and tau fall (eq. 23)", "0.3 EP = 6", ge=0, le=1e9
     )
     discount: float = _field(1.0, "Table I, gamma", "1", ge=0, le=1)
     snapshots: int = _survey(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
     bin_size: int = _view(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
     multiplier: float = _field(
-        12.0, "Eq. (19): psi_upper from this, psi_lower from one less", "11 and 12: .904 and .908", gt=1
+        12.0, "Eq. (19): psi_upper from this, psi_lower from one less", "11 and 12: .904 and .908", ge=2, le=1e9
     )
 
     # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
@@ -86,7 +91,10 @@ class Settings(BaseModel):
         "literal",
     )
     tau0: float = _field(
-        0.03, "Eq. (20), declared: initial temperature of both mixtures, no value printed; falls like epsilon", gt=0
+        0.03,
+        "Eq. (20), declared: initial temperature of both mixtures, no value printed; falls like epsilon",
+        ge=1e-6,
+        le=1e6,
     )
 
     # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
@@ -95,7 +103,7 @@ class Settings(BaseModel):
     )
     approach_reward: bool = _field(True, "Eq. (16): 2 NRB_t - NRB_(t-1) while both reach psi_lower", "True")
     wall_penalty: float = _field(
-        0.1, "V.A, declared and calibrated: charged a step at a wall; the paper says only: high", ge=0
+        0.1, "V.A, declared and calibrated: charged a step at a wall; the paper says only: high", ge=0, le=1e6
     )
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
 
@@ -108,38 +116,43 @@ class Settings(BaseModel):
     )
     centre: Centre = _survey("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
     survey_steps: int = _survey(
-        2000, "Eq. (9), T. Declared: steps of the random drive before learning that estimates sigma^2", ge=2
+        2000, "Eq. (9), T. Declared: steps of the random drive before learning that estimates sigma^2", ge=2, le=100_000
     )
     variance_floor_pixels: float = _survey(
-        1.0, "Declared: least sigma of a bin, in pixels, so that a bin that never varies keeps a feature", gt=0
+        1.0,
+        "Declared: least sigma of a bin, in pixels, so that a bin that never varies keeps a feature",
+        ge=1e-3,
+        le=1e6,
     )
     snapshot_angle_deg: float = _survey(
-        20.0, "Declared: the angle of the two further snapshots of the earlier model (m = 3) to the first", gt=0, le=90
+        20.0, "Declared: the angle of the two further snapshots of the earlier model (m = 3) to the first", ge=1, le=90
     )
 
     # --- Camera ---------------------------------------------------------------------------------------------------
     image_size: int = _view(64, "Declared: pixels on a side, the simulator's Khepera camera", ge=8, le=512)
     field_of_view_deg: float = _view(45.0, "Declared: the simulator's Khepera camera", ge=10, le=120)
-    camera_height_m: float = _view(0.035, "Declared: on top of the 30 mm body", gt=0, le=0.3)
+    camera_height_m: float = _view(0.035, "Declared: on top of the 30 mm body", ge=0.001, le=0.3)
     camera_offset_m: float = _view(-0.010, "Declared: along the heading from the centre", ge=-0.03, le=0.03)
-    light: float = _view(1.0, "Declared: brightness; others than 1 test robustness", gt=0, le=2)
+    light: float = _view(1.0, "Declared: brightness; others than 1 test robustness", ge=0.01, le=2)
 
     # --- Robot (Khepera II) and its three actions ---------------------------------------------------------------------
-    wheel_base_m: float = _survey(0.053, "Declared: Khepera II", gt=0, le=0.07)
-    body_diameter_m: float = _view(0.070, "Section IV: 70 mm in diameter", "70 mm", gt=0, le=0.2)
-    forward_m: float = _survey(0.040, "Declared, calibrated: both wheels' way in one forward action", gt=0, le=0.2)
-    turn_deg: float = _survey(20.0, "Declared, calibrated: rotation of one left or right action", gt=0, le=90)
+    wheel_base_m: float = _survey(0.053, "Declared: Khepera II", ge=0.001, le=0.07)
+    body_diameter_m: float = _view(0.070, "Section IV: 70 mm in diameter", "70 mm", ge=0.001, le=0.2)
+    forward_m: float = _survey(0.040, "Declared, calibrated: both wheels' way in one forward action", ge=0.001, le=0.2)
+    turn_deg: float = _survey(20.0, "Declared, calibrated: rotation of one left or right action", ge=1, le=90)
     turn_advance_m: float = _survey(
         0.030, "Declared, calibrated: mean way of the wheels in one turning action", ge=0, le=0.2
     )
-    infrared_range_m: float = _view(0.050, "Declared: Khepera II", gt=0, le=0.5)
+    infrared_range_m: float = _view(0.050, "Declared: Khepera II", ge=0.001, le=0.5)
     clear_way_m: float = _survey(
         0.045, "Declared: the reactive turn ends when all four front infra-red rays see at least this far", ge=0
     )
     wheel_slip: float = _survey(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
 
     # --- Experiment ------------------------------------------------------------------------------------------------
-    room: str = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    room: Annotated[str, AfterValidator(_known_room)] = _survey(
+        "paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it"
+    )
     controller: Literal["sarsa", "random", "climb"] = _field(
         "sarsa", "Fig. 2, or what it is measured against: random actions, or a climb up the similarity", "sarsa"
     )
@@ -150,7 +163,9 @@ class Settings(BaseModel):
     atlas_heading_deg: int = _lattice(
         10, "Declared: between neighbouring headings of the atlas, a divisor of 360", ge=1
     )
-    max_steps: int = _field(2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1)
+    max_steps: int = _field(
+        2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1, le=1_000_000
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> "Settings":
@@ -202,5 +217,6 @@ def _one_line(problem: Any) -> str:
     name = ".".join(str(part) for part in problem["loc"])
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return f"setting {name}: there is none of this name; `homing settings` lists them"
-    return f"setting {name} = {problem['input']!r}: {message}" if name else f"settings: {message}"
+        like = nearest(name, Settings.model_fields)
+        return f"setting {shown(name)[1:-1]}: there is none of this name; `homing settings` lists them{like}"
+    return f"setting {name} = {shown(problem['input'])}: {message}" if name else f"settings: {message}"

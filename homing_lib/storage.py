@@ -3,7 +3,6 @@
 import json
 import os
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
@@ -32,27 +31,32 @@ def missing(path: Path, otherwise: str) -> UserError:
     return UserError(f"{path}: missing, for {where}; clone it and work there")
 
 
-def write_arrays(path: Path, about: dict[str, Any], **arrays: NDArray[Any]) -> None:
-    """Write a compressed npz beside its place, then rename it. The same content gives the same bytes."""
+def packed(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
+    """A compressed npz. The same content gives the same bytes."""
     buffer = BytesIO()
     contents: dict[str, Any] = {"about": np.array(json.dumps(about, sort_keys=True)), **arrays}
     np.savez_compressed(buffer, **contents)
-    write_bytes(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A place beside `path`, of its suffix, that is renamed to it in the end. Raises UserError if it cannot be."""
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    """A place of the same suffix that is renamed to `path`, or to what that links to, in the end. Raises UserError."""
+    part = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        place = path.resolve() if path.is_symlink() else path
+        if "\0" in str(path) or (place.exists() and not place.is_file()):
+            raise OSError("this names no ordinary file; choose another name")
+        part = place.with_name(f".{place.stem}.{os.getpid()}.part{place.suffix}")
+        place.parent.mkdir(parents=True, exist_ok=True)
         yield part
-        part.replace(path)
+        part.replace(place)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         with suppress(OSError):
-            part.unlink(missing_ok=True)
+            if part:
+                part.unlink(missing_ok=True)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -61,15 +65,26 @@ def write_bytes(path: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What a file is about, and its arrays. Raises FileNotFoundError, or DamagedFile (every byte is checked)."""
+def read_bytes(path: Path) -> bytes:
+    """The content of a file. Raises FileNotFoundError, or DamagedFile for what cannot be read."""
     try:
-        with zipfile.ZipFile(path) as archive:  # not by np.load, which interprets bytes before it has checked them
-            contents = {name.removesuffix(".npy"): BytesIO(archive.read(name)) for name in archive.namelist()}
-        arrays = {name: read_array(content, allow_pickle=False) for name, content in contents.items()}
-        return json.loads(str(arrays.pop("about"))), arrays
+        if path.exists() and not path.is_file():  # from a pipe, nothing might ever come
+            raise OSError("no ordinary file")
+        return path.read_bytes()
     except FileNotFoundError:
         raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, OSError, RuntimeError) as error:
-        detail = (str(error) or type(error).__name__).splitlines()[0]
+    except OSError as error:
+        raise DamagedFile(f"{path}: damaged file ({error.strerror or error})") from None
+
+
+def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What a file is about, and its arrays. Raises FileNotFoundError, or DamagedFile (every byte is checked)."""
+    whole_file = BytesIO(read_bytes(path))
+    try:
+        with zipfile.ZipFile(whole_file) as archive:  # not np.load, which interprets bytes before it has checked them
+            contents = {name.removesuffix(".npy"): BytesIO(archive.read(name)) for name in archive.namelist()}
+        arrays = {name: read_array(content, allow_pickle=False) for name, content in contents.items()}
+        return dict(json.loads(str(arrays.pop("about")))), arrays
+    except Exception as error:  # zipfile, its decompressors, NumPy and JSON raise what they like
+        detail = (str(error) or type(error).__name__).splitlines()[0][:80]
         raise DamagedFile(f"{path}: damaged file ({detail})") from None

@@ -20,7 +20,7 @@ TINY = ["--set", "images=compact", "--set", "episodes=2", "--set", "survey_steps
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ("run --set alpha0=-1", "setting alpha0 = '-1': Input should be greater than 0"),
+        ("run --set alpha0=-1", "setting alpha0 = '-1': Input should be greater than or equal to 0.000000001"),
         ("run --set lambda_rule=steepest", "setting lambda_rule = 'steepest': unknown lambda rule 'steepest'; known: "),
         ("run --set colour=red", "setting colour: there is none of this name; `homing settings` lists them"),
         ("run --set alpha0", "--set alpha0: expected NAME=VALUE"),
@@ -50,7 +50,7 @@ def test_from_a_shell_too_a_mistake_is_one_line_without_a_traceback():
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr == "homing: setting alpha0 = '-1': Input should be greater than 0\n"
+    assert done.stderr == "homing: setting alpha0 = '-1': Input should be greater than or equal to 0.000000001\n"
 
 
 def test_a_file_that_cannot_be_written_is_named_in_one_line(capsys):

@@ -289,7 +289,7 @@ def test_a_start_that_cannot_be_is_refused_in_one_line_and_leaves_no_client_behi
         ({"room": "cellar"}, "room 'cellar': there is none of this name; known are paper, "),
         ({"observation": "both"}, "observation = 'both': must be one of image, features"),
         ({"render_mode": "human"}, "render_mode = 'human': must be rgb_array or None"),
-        ({"alpha0": -1}, "setting alpha0 = -1: Input should be greater than 0"),
+        ({"alpha0": -1}, "setting alpha0 = -1: Input should be greater than or equal to 0.000000001"),
         ({"colour": 1}, "setting colour: there is none of this name"),
         ({"images": "atlas"}, 'observation = "image": an atlas holds histograms only; choose "features"'),
         ({"snapshots": 3}, "model: has 258 features, the settings ask for 774 (eq. 14)"),

@@ -101,7 +101,9 @@ sys.stderr = sys.stdout
 {REFUSED[what]}
 """
     (line,) = python(WITHOUT + program).splitlines()
-    assert line.startswith('homing: the camera needs PyBullet, which is not installed; choose images="compact"')
+    told = "a film is rendered, and needs PyBullet" if what == "film" else "the camera needs PyBullet"
+    assert line.startswith(f"homing: {told}, which is not installed")
+    assert ('choose images="compact"' in line) == (what != "film")  # of which none could be made
     assert "pip install pybullet" in line
 
 

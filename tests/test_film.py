@@ -171,7 +171,7 @@ def test_without_the_camera_a_film_is_refused_in_one_line(tmp_path, monkeypatch,
     monkeypatch.delitem(sys.modules, "homing_lib.arena", raising=False)
     assert homing_film(tmp_path / "film.gif") == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("homing: the camera needs PyBullet")
+    assert line.startswith("homing: a film is rendered, and needs PyBullet")
     assert list(tmp_path.iterdir()) == []
 
 

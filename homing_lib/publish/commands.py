@@ -1,15 +1,17 @@
 """The `homing` command."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from homing_lib.errors import RESUMES, UserError
+from homing_lib.errors import RESUMES, UserError, nearest, shown
 from homing_lib.settings import Settings
-from homing_lib.storage import write_bytes
+from homing_lib.storage import whole, write_bytes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -18,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parser().parse_args(arguments)
         options.command(options)
     except (UserError, OSError) as error:
-        print(f"homing: {error}", file=sys.stderr)
+        print(f"homing: {_one_line(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print(f"homing: interrupted; {RESUMES}", file=sys.stderr)
@@ -26,8 +28,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _one_line(error: Exception) -> str:
+    """What went wrong, without what would break the line or steer the terminal."""
+    if isinstance(error, OSError) and error.filename:
+        told = f"{os.fsdecode(error.filename)}: cannot be used ({error.strerror}); move it away or choose another"
+    else:
+        told = str(error)
+    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(told.split()))
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        message = message if len(message) < 300 else f"{message[:297]}..."
         raise UserError(f"{message}; see `{self.prog} --help`")
 
 
@@ -62,8 +74,9 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument(
         "--cluster",
         metavar="ADDRESS",
-        help="use the workers of this Dask scheduler instead: `dask scheduler` prints its address, `dask worker "
-        "--nthreads 1 ADDRESS` starts one worker, wherever this same version is installed",
+        help="use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, "
+        "`dask worker --nthreads 1 ADDRESS` starts one worker; without `--host` the scheduler serves whoever reaches "
+        "this machine, and asks for no password; elsewhere this same version must be installed",
     )
     command("studies", _studies, "every study, its reason, its size")
     command("verify", _verify, "repeat a stored run live and compare it to the bit")
@@ -78,14 +91,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r}: must be 0, 1, 2, ...")
+    if not text.isdecimal() or len(text) > 18:
+        raise argparse.ArgumentTypeError(
+            f"{shown(text)}: must be 0, 1, 2, ...{', of at most 18 digits' * (len(text) > 18)}"
+        )
     return int(text)
 
 
 def _workers(text: str) -> int:
-    if text != "-1" and (not text.isdecimal() or int(text) == 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: must be 1, 2, ... processes, or -1 for one per core")
+    if text != "-1" and (not text.isdecimal() or text.strip("0") == ""):
+        raise argparse.ArgumentTypeError(f"{shown(text)}: must be 1, 2, ... processes, or -1 for one per core")
+    most = 4 * (os.cpu_count() or 1)
+    if len(text) > 9 or int(text) > most:
+        raise argparse.ArgumentTypeError(
+            f"{shown(text)}: must be at most {most}, four per core, or -1 for one per core"
+        )
     return int(text)
 
 
@@ -96,15 +116,18 @@ def _run(options: argparse.Namespace) -> None:
     from homing_lib.study import runs
 
     settings = changed_settings(options.set)
-    # Late, so that it does not stand beside a refusal.
-    with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
-        result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
+    with whole(options.out) if options.out else nullcontext() as part:
+        if part:
+            part.touch()  # tried before any work is done
+        # Late, so that it does not stand beside a refusal.
+        with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
+            result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
+        if part:
+            part.write_bytes(runs.content_of(result))
     print(f"steps per episode: {' '.join(str(length) for length in result.lengths)}")
     print(f"home reached in {result.reached.sum()} of {settings.episodes} episodes")
     if result.diverged:
         print(f"diverged in episode {result.diverged}")
-    if options.out:
-        runs.save(result, options.out)
 
 
 def _film(options: argparse.Namespace) -> None:
@@ -116,8 +139,8 @@ def _film(options: argparse.Namespace) -> None:
 def changed_settings(changes: Sequence[str]) -> Settings:
     """Settings from texts like "alpha0=0.003". Raises UserError."""
     for change in changes:
-        if "=" not in change:
-            raise UserError(f"--set {change}: expected NAME=VALUE")
+        if not change.partition("=")[0].strip() or "=" not in change:
+            raise UserError(f"--set {shown(change)[1:-1]}: expected NAME=VALUE")
     return Settings(**dict(change.split("=", 1) for change in changes))
 
 
@@ -135,7 +158,7 @@ def _data(options: argparse.Namespace) -> None:
     if options.stamp:
         contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
     for path, text in contents.items():
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
+        if not path.is_file() or path.read_bytes() != text.encode():
             write_bytes(path, text.encode())
 
 
@@ -153,7 +176,8 @@ def _sweep(options: argparse.Namespace) -> None:
             done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
             print(f"{study.name}: {done} runs computed, {len(study.jobs())} stored")
             return
-    raise UserError(f"study {options.study!r}: there is none of this name; `homing studies` lists them")
+    like = nearest(options.study, [study.name for study in studies.in_order()])
+    raise UserError(f"study {shown(options.study)}: there is none of this name; `homing studies` lists them{like}")
 
 
 def _studies(_: argparse.Namespace) -> None:

@@ -1,6 +1,7 @@
 """A film of a run: its first episode beside another, each with the room, the robot's view, similarity and lambda."""
 
 from collections.abc import Sequence
+from glob import escape
 from pathlib import Path
 from subprocess import CalledProcessError
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure, SubFigure
 from tqdm import tqdm
 
 from homing_lib.agent import STEP_COLUMNS, Run, run
+from homing_lib.atlas import camera_available
 from homing_lib.environment import draw
 from homing_lib.errors import UserError
 from homing_lib.publish.drawing import BLUE, DASHED, ORANGE, SKY, STYLE, picture
@@ -30,6 +32,11 @@ if TYPE_CHECKING:
 FRAMES_PER_SECOND = 3
 FRAMES = 92  # at most, whatever an episode takes
 HOLD = 6  # more, for which the last one stands
+
+NO_CAMERA = (
+    "a film is rendered, and needs PyBullet, which is not installed: `pip install pybullet` builds it (some minutes "
+    "where there is no wheel, and a C++ compiler)"
+)
 
 _KINDS = {
     # One palette and no dithering: frames stay small, and equal where nothing moves.
@@ -48,7 +55,9 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     A stored run of the headline is taken as it is, any other is run first. The robot's views are rendered from the
     poses that the run has kept. Raises UserError in one line for what cannot be.
     """
-    from homing_lib.arena import Arena  # refuses in one line without PyBullet
+    if not camera_available():
+        raise UserError(NO_CAMERA)
+    from homing_lib.arena import Arena
 
     number = settings.episodes if episode is None else episode
     if not 1 <= number <= settings.episodes:
@@ -56,6 +65,7 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     if path.suffix.lower() not in _KINDS:
         raise UserError(f"--out {path}: a film ends in {' or '.join(_KINDS)}")
     room = room_named(settings.room)
+    runs.remove_leftovers(path.parent, escape(path.stem))  # of one that was killed
     with whole(path) as part:
         part.touch()  # tried before any work is done
         codec, dpi, options = _KINDS[path.suffix.lower()]
@@ -89,7 +99,7 @@ def timetable(lengths: Sequence[int], frames: int = FRAMES) -> list[int]:
 def _run(settings: Settings, seed: int) -> Run:
     stored = runs.path_of(HEADLINE.folder, settings, seed)
     if stored.exists():
-        return runs.load(stored)
+        return runs.load_one(HEADLINE, settings, seed)
     with tqdm(total=settings.episodes, desc="episodes", unit="episode") as bar:
         return run(settings, seed, after_episode=lambda _: bar.update())
 

@@ -11,11 +11,11 @@ from tqdm import tqdm
 
 from homing_lib.agent import run
 from homing_lib.features import Array
-from homing_lib.lambdas import LambdaRule
+from homing_lib.lambdas import LambdaRule, checked
 from homing_lib.settings import Settings
 from homing_lib.study import claims
 from homing_lib.study.measures import WINDOW
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import by_episode, seeds_of
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,16 @@ class Rules:
 def compare(rules: Mapping[str, LambdaRule], seeds: Sequence[int], settings: Settings | None = None) -> Rules:
     """Run every rule with every seed. settings: by default the paper's robot on the compact atlas.
 
-    A run that diverges counts as `max_steps` steps in each episode that it did not finish. Raises TypeError or
-    ValueError, in one line, for what is no rule.
+    A run that diverges counts as `max_steps` steps in each episode that it did not finish. Before any run, raises
+    UserError for what are no seeds, and TypeError that names the label for what is no rule.
     """
     settings = settings or Settings(images="compact")
+    seeds = seeds_of(seeds)
+    for label, rule in rules.items():
+        try:
+            checked(rule)
+        except TypeError as error:
+            raise TypeError(f"{label}: {error}") from None
     jobs = [(label, seed) for label in rules for seed in seeds]
     runs = [run(settings, seed, lambda_rule=rules[label]) for label, seed in tqdm(jobs, "runs", unit="run")]
     steps = by_episode(runs).reshape(len(rules), len(seeds), -1)

@@ -13,13 +13,13 @@ import os
 import platform
 import signal
 import threading
-import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +31,14 @@ from joblib.externals.loky.backend import resource_tracker
 from tqdm import tqdm
 
 import homing_lib
-from homing_lib.agent import Run, run
+from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.atlas import open_atlas
-from homing_lib.errors import RESUMES, DamagedFile, UserError
+from homing_lib.errors import RESUMES, DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, missing, read_arrays, write_arrays, write_bytes
+from homing_lib.storage import ROOT, missing, packed, read_arrays, read_bytes, write_bytes
+from homing_lib.workers import begin_work
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
@@ -74,6 +75,10 @@ class Study:
     measure: Measure | None = None
     atlases: Sequence[Settings] = ()
 
+    def __post_init__(self) -> None:
+        """Seeds may be NumPy's; UserError for what is none."""
+        object.__setattr__(self, "seeds", seeds_of(self.seeds))
+
     @property
     def folder(self) -> Path:
         """Where its single runs are stored."""
@@ -102,6 +107,17 @@ class Study:
         }
 
 
+def seeds_of(seeds: Any) -> Sequence[int]:
+    """Seeds as Python's own numbers. Raises UserError, in one line, unless they are 0, 1, 2, ..., each once."""
+    try:
+        plain = seeds if isinstance(seeds, range) else [index(seed) for seed in seeds]
+    except TypeError:
+        raise UserError(f"seeds = {shown(seeds)}: must be a list or range of 0, 1, 2, ...") from None
+    if not plain or min(plain) < 0 or len({*plain}) < len(plain):
+        raise UserError(f"seeds = {shown(seeds)}: must be some of 0, 1, 2, ..., each once")
+    return plain
+
+
 # --- One run ------------------------------------------------------------------------------------------------------
 
 
@@ -112,8 +128,13 @@ def path_of(folder: Path, settings: Settings, seed: int) -> Path:
 
 def save(result: Run, path: Path) -> None:
     """Write a run. The same run gives the same bytes."""
+    write_bytes(path, content_of(result))
+
+
+def content_of(result: Run) -> bytes:
+    """A run as the bytes of a file."""
     about = {"settings": result.settings.model_dump(), "seed": result.seed, "diverged": result.diverged}
-    write_arrays(path, about, **{name: getattr(result, name) for name in _ARRAYS})
+    return packed(about, {name: getattr(result, name) for name in _ARRAYS})
 
 
 def load(path: Path) -> Run:
@@ -123,9 +144,13 @@ def load(path: Path) -> Run:
 
 def _run(path: Path, about: dict[str, Any], arrays: dict[str, Any]) -> Run:
     try:
-        return Run(Settings(**about["settings"]), about["seed"], diverged=about["diverged"], **arrays)
-    except (KeyError, TypeError, UserError) as error:
+        one = Run(Settings(**about["settings"]), index(about["seed"]), diverged=index(about["diverged"]), **arrays)
+        steps, episodes = one.lengths.sum(), len(one.lengths)
+        if one.steps.shape != (steps, len(STEP_COLUMNS)) or one.reached.shape != (episodes,):
+            raise ValueError("its arrays do not fit each other")
+    except (KeyError, TypeError, ValueError, AttributeError, UserError) as error:
         raise DamagedFile(f"{path}: damaged file ({error}); {_REMEDY}") from None
+    return one
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -162,29 +187,37 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. Runs
     are kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
     """
+    if cluster == "":
+        raise UserError("--cluster: the address is empty; give that of a Dask scheduler, or leave the option out")
     if study.measure and not force and _table_is_current(study):
         return 0
-    _remove_leftovers(study)
+    remove_leftovers(study.folder)
+    remove_leftovers(DATA)
     before = _read_manifest(study)
-    todo = [job for job in study.jobs() if force or not _is_sound(study, *job)]
+    todo = [job for job in study.jobs() if force or not _is_sound(study, before, *job)]
     client = _connect(cluster) if cluster and todo else None  # before anything changes
     if force:
         _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
+    vouched = _Vouched(study, before, todo, force)
     if todo:
         for settings in (*study.conditions.values(), *study.atlases):
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         results = _on_cluster(client, study, todo) if client else _on_cores(workers, study, todo)
         for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
-            _store(study, *result)
-    origins = _write_table(study) if study.measure else [MADE_BY]
-    _write_manifest(study, origins, before)
+            file = _store(study, *result)
+            if not study.measure:
+                vouched.add(file, result[-1])
+    if study.measure:
+        vouched.origins = _write_table(study)
+        vouched.sha256 = {study.table.name: _sha256(study.table)}
+    vouched.write()
     return len(todo)
 
 
-def _remove_leftovers(study: Study) -> None:
-    """Remove what processes that are gone were writing when they were killed."""
-    for part in (*study.folder.glob(".*.part*"), *DATA.glob(".*.part*")):
+def remove_leftovers(folder: Path, of: str = "*") -> None:
+    """Remove what processes that are gone were writing when they were killed: files of one stem, or all."""
+    for part in folder.glob(f".{of}.*.part*"):
         process = part.name.rpartition(".part")[0].rpartition(".")[2]
         if process.isdecimal() and not psutil.pid_exists(int(process)):
             part.unlink(missing_ok=True)
@@ -196,7 +229,7 @@ _Result = tuple[Settings, int, Run | Columns, dict[str, str]]
 
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
     parallel = joblib.Parallel(
-        min(workers, len(todo)), return_as="generator_unordered", initializer=_begin_work, initargs=(os.getpid(),)
+        min(workers, len(todo)), return_as="generator_unordered", initializer=begin_work, initargs=(os.getpid(),)
     )
     results: Any = None
     with _quiet_end():
@@ -245,26 +278,27 @@ def _interrupts_later() -> Iterator[None]:
         before(*came[0])
 
 
-def _begin_work(parent: int) -> None:
-    """What a worker does first: it leaves Ctrl-C to its parent, and sees to it that it ends when that is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent and psutil.pid_exists(parent):  # the first never changes on Windows
-        time.sleep(2)
-    os._exit(1)
-
-
 def _connect(address: str) -> Any:
+    """A client of the Dask scheduler there. UserError if none answers within some seconds, whatever does instead."""
     from distributed import Client
 
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said below
-    try:
-        return Client(address, timeout="5s")
-    except (OSError, ValueError) as error:
-        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it would say at length is said below
+    answer: list[Any] = []
+
+    def ask() -> None:
+        try:
+            answer.append(Client(address, timeout="5s"))
+        except Exception as error:  # of sockets, TLS, a missing package, or what a server of another kind sent
+            answer.append(error)
+
+    asking = threading.Thread(target=ask, daemon=True)  # for with some it would wait for ever
+    asking.start()
+    asking.join(10)
+    (client,) = answer or [TimeoutError("something is there, but it does not speak as one")]
+    if isinstance(client, Exception):
+        why = " ".join(f"{client or type(client).__name__}".split())[:120]
+        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({why})")
+    return client
 
 
 def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
@@ -288,18 +322,23 @@ def _compute(measure: Measure | None, settings: Settings, seed: int) -> _Result:
     return settings, seed, (measure or run)(settings, seed), MADE_BY
 
 
-def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, origin: dict[str, str]) -> None:
+def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, origin: dict[str, str]) -> Path:
     path = path_of(study.folder, settings, seed)
     if isinstance(result, Run):
         save(result, path)
     else:
         about = {"settings": settings.model_dump(), "seed": seed, "measure": study.measured, "made by": origin}
-        write_arrays(path, about, **result)
+        write_bytes(path, packed(about, result))
+    return path
 
 
-def _is_sound(study: Study, settings: Settings, seed: int) -> bool:
-    """Whether a run is stored. Raises UserError if its file is damaged, or of another run than its name says."""
-    if not path_of(study.folder, settings, seed).exists():
+def _is_sound(study: Study, manifest: Mapping[str, Any], settings: Settings, seed: int) -> bool:
+    """Whether a run is stored, and a complete one vouched for. Raises UserError if its file is damaged, or of another.
+
+    What no manifest vouches for might be anything: it is computed anew.
+    """
+    path = path_of(study.folder, settings, seed)
+    if not path.exists() or (not study.measure and path.name not in manifest.get("sha256", {})):
         return False
     about, _ = _stored(study, settings, seed)
     return study.measure is None or about.get("measure") == study.measured
@@ -310,6 +349,8 @@ def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any]
     about, arrays = _read(path)
     if not study.measure:
         _check(path, _read_manifest(study))
+    elif not _is_origin(about.get("made by")) or len({array.shape for array in arrays.values()}) != 1:
+        raise DamagedFile(f"{path}: damaged file (no table, or not said what made it); {_REMEDY}")
     if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
         raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
     return about, arrays
@@ -318,9 +359,13 @@ def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any]
 def load_study(study: Study) -> dict[str, list[Run]]:
     """The complete runs of a study by condition, seeds in order."""
     return {
-        label: [_run(path_of(study.folder, settings, seed), *_stored(study, settings, seed)) for seed in study.seeds]
-        for label, settings in study.conditions.items()
+        label: [load_one(study, settings, seed) for seed in study.seeds] for label, settings in study.conditions.items()
     }
+
+
+def load_one(study: Study, settings: Settings, seed: int) -> Run:
+    """A complete run of a study. Raises UserError if it is missing, or not what its manifest vouches for."""
+    return _run(path_of(study.folder, settings, seed), *_stored(study, settings, seed))
 
 
 # --- Episodes -------------------------------------------------------------------------------------------------------
@@ -356,7 +401,7 @@ def load_table(study: Study) -> pd.DataFrame:
     """A study's table: columns `condition`, `seed`, then those of its measure. Raises UserError if it is not sound."""
     if not _table_is_current(study):
         raise missing(study.table, "missing, or of an older version of this study; `make data` computes it")
-    return pd.read_parquet(study.table)
+    return pd.read_parquet(io.BytesIO(read_bytes(study.table)))
 
 
 def _write_table(study: Study) -> list[dict[str, str]]:
@@ -387,34 +432,75 @@ def _files(study: Study) -> list[Path]:
 
 
 def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    try:
+        return hashlib.sha256(read_bytes(file)).hexdigest()
+    except DamagedFile as error:
+        raise DamagedFile(f"{error}; {_REMEDY}") from None
 
 
 def _read_manifest(study: Study) -> dict[str, Any]:
-    """The manifest, empty if there is none."""
+    """The manifest, empty if there is none. Raises DamagedFile."""
+    file = _manifest(study)
     try:
-        manifest = json.loads(_manifest(study).read_text(encoding="utf-8"))
-        if not isinstance(manifest, dict) or not isinstance(manifest.get("sha256"), dict):
+        manifest = json.loads(read_bytes(file))
+        if not isinstance(manifest, dict) or not _are_texts(manifest.get("sha256")):
             raise ValueError("no hashes of the files that it is about")
+        if not _is_origin(manifest.get("made by")):
+            raise ValueError("it does not say what made them")
     except FileNotFoundError:
         return {}
-    except ValueError as error:
-        raise DamagedFile(f"{_manifest(study)}: damaged file ({error}); {_REMEDY}") from None
+    except DamagedFile as error:
+        raise DamagedFile(f"{error}; {_REMEDY}") from None
+    except (ValueError, RecursionError) as error:
+        raise DamagedFile(f"{file}: damaged file ({error}); {_REMEDY}") from None
     return manifest
 
 
-def _write_manifest(study: Study, origins: Sequence[Mapping[str, str]], before: Mapping[str, Any]) -> None:
-    """Say what made the stored files. If they came out the same again, that is still what first made them."""
-    now = study.definition() | {"sha256": {file.name: _sha256(file) for file in _files(study)}}
-    made_by = {name: ", ".join(sorted({origin[name] for origin in origins})) for name in MADE_BY}
-    now["made by"] = before["made by"] if {**before, **now} == before else made_by
-    if now != _read_manifest(study):
-        write_bytes(_manifest(study), (json.dumps(now, indent=1) + "\n").encode())
+def _are_texts(what: Any) -> bool:
+    return isinstance(what, dict) and all(isinstance(value, str) for value in what.values())
+
+
+def _is_origin(what: Any) -> bool:
+    return _are_texts(what) and MADE_BY.keys() <= what.keys()
+
+
+class _Vouched:
+    """The manifest of a study, as it grows: what a complete run is, is said as soon as it is stored."""
+
+    def __init__(self, study: Study, before: Mapping[str, Any], todo: Sequence[_Job], force: bool) -> None:
+        self._study, self._before = study, before
+        files = {file.name for file in _files(study)}
+        hashes = {name: value for name, value in before.get("sha256", {}).items() if name in files}
+        kept = hashes.keys() - {path_of(study.folder, *job).name for job in todo}
+        self.sha256: dict[str, str] = {} if force else hashes
+        self.origins: Sequence[Mapping[str, str]] = [before["made by"]] if kept else []
+
+    def add(self, file: Path, origin: Mapping[str, str]) -> None:
+        """Vouch for a run that was just stored. One that came out the same is still what first made it."""
+        name, found = file.name, _sha256(file)
+        same = self._before.get("sha256", {}).get(name) == found
+        self.origins = [*self.origins, self._before["made by"] if same else origin]
+        self.sha256[name] = found
+        self.write()
+
+    def write(self) -> None:
+        """Say what made the stored files."""
+        order = [file.name for file in _files(self._study)]
+        now = self._study.definition() | {"sha256": {name: self.sha256[name] for name in order if name in self.sha256}}
+        parts = {name: {part for origin in self.origins for part in origin[name].split(", ")} for name in MADE_BY}
+        now["made by"] = {name: ", ".join(sorted(some)) for name, some in parts.items()}
+        if self._study.measure and {**self._before, **now} | {"made by": 0} == {**self._before, "made by": 0}:
+            now["made by"] = self._before["made by"]
+        if now != _read_manifest(self._study):
+            write_bytes(_manifest(self._study), (json.dumps(now, indent=1) + "\n").encode())
 
 
 def _check(file: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise DamagedFile if the manifest vouches for another content of this file."""
-    if manifest and manifest["sha256"].get(file.name) not in (None, _sha256(file)):
+    """Raise DamagedFile unless the manifest vouches for the content of this file."""
+    vouched = manifest.get("sha256", {}).get(file.name)
+    if vouched is None:
+        raise DamagedFile(f"{file}: no manifest vouches for it; `make data` computes it anew")
+    if vouched != _sha256(file):
         raise DamagedFile(f"{file}: damaged file (its content is not what its manifest says); {_REMEDY}")
 
 

@@ -1,0 +1,20 @@
+"""What a worker process does first: it leaves Ctrl-C to its parent, and sees to it that it ends when that is gone."""
+
+import os
+import signal
+import threading
+import time
+
+import psutil
+
+
+def begin_work(parent: int) -> None:
+    """The initializer of a pool. parent: the process that started it."""
+
+    def end_with_parent() -> None:
+        while os.getppid() == parent and psutil.pid_exists(parent):  # the first never changes on Windows
+            time.sleep(2)
+        os._exit(1)  # whatever it waits for: a pipe, or a lock, that nobody serves any more
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=end_with_parent, daemon=True).start()
