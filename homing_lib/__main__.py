@@ -2,7 +2,10 @@
 
 import sys
 
-from homing_lib.publish.commands import main
+try:
+    from homing_lib.publish.commands import main
+except KeyboardInterrupt:  # while much is being loaded
+    sys.exit(130)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -44,8 +44,8 @@ def whole(path: Path) -> Iterator[Path]:
     """A place of the same suffix that is renamed to `path`, or to what that links to, in the end. Raises UserError."""
     part = None
     try:
-        place = path.resolve() if path.is_symlink() else path
-        if "\0" in str(path) or (place.exists() and not place.is_file()):
+        place = Path(os.path.realpath(path)) if path.is_symlink() else path
+        if "\0" in str(path) or place.is_symlink() or (place.exists() and not place.is_file()):
             raise OSError("this names no ordinary file; choose another name")
         part = place.with_name(f".{place.stem}.{os.getpid()}.part{place.suffix}")
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,8 @@ import multiprocessing.resource_tracker
 import os
 import platform
 import signal
+import subprocess
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -278,27 +280,47 @@ def _interrupts_later() -> Iterator[None]:
         before(*came[0])
 
 
+_PROBE = """
+import logging, os, sys
+from distributed import Client
+logging.disable()
+print("asks", flush=True)
+try:
+    Client(sys.argv[1], timeout="5s")
+except BaseException as error:
+    print(" ".join(str(error).split()), flush=True)
+else:
+    print("answered", flush=True)
+os._exit(0)
+"""
+
+
 def _connect(address: str) -> Any:
-    """A client of the Dask scheduler there. UserError if none answers within some seconds, whatever does instead."""
+    """A client of the Dask scheduler there. UserError if none answers within some seconds, whatever does instead.
+
+    Another process asks first: with a server of another kind the client waits for ever, and cannot be stopped.
+    """
+    probe = subprocess.Popen(
+        [sys.executable, "-c", _PROBE, address], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    with probe:
+        assert probe.stdout is not None
+        probe.stdout.readline()  # from here on: how long it takes to be loaded says nothing
+        try:
+            answer = probe.communicate(timeout=8)[0].strip()
+        except subprocess.TimeoutExpired:
+            answer = "what is there does not speak as one"
+        finally:
+            probe.kill()
+    if answer != "answered":
+        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({answer[:120] or 'no reason given'})")
     from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it would say at length is said below
-    answer: list[Any] = []
-
-    def ask() -> None:
-        try:
-            answer.append(Client(address, timeout="5s"))
-        except Exception as error:  # of sockets, TLS, a missing package, or what a server of another kind sent
-            answer.append(error)
-
-    asking = threading.Thread(target=ask, daemon=True)  # for with some it would wait for ever
-    asking.start()
-    asking.join(10)
-    (client,) = answer or [TimeoutError("something is there, but it does not speak as one")]
-    if isinstance(client, Exception):
-        why = " ".join(f"{client or type(client).__name__}".split())[:120]
-        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({why})")
-    return client
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said here
+    try:
+        return Client(address, timeout="5s")
+    except (OSError, ValueError) as error:
+        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({error})") from None
 
 
 def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
