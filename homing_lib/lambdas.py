@@ -175,20 +175,20 @@ def checked(rule: LambdaRule) -> LambdaRule:
 
 def name_of(rule: LambdaRule) -> str:
     """What to call a rule: a function's own name, or what an object says of itself."""
-    return str(getattr(rule, "__name__", rule))
+    return " ".join(str(getattr(rule, "__name__", rule))[:60].split())
 
 
 def unit_interval(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it lies in [0, 1]."""
     if not 0 <= value <= 1:
-        raise ValueError(f"{name} must lie in [0, 1], got {value!r}")
+        raise ValueError(f"{name} must lie in [0, 1], got {shown(value)}")
     return float(value)
 
 
 def one_of(name: str, value: str, known: tuple[str, ...]) -> None:
     """ValueError, with the list of what is known, unless the value is in it."""
     if value not in known:
-        raise ValueError(f"unknown {name} {value!r}; known: {', '.join(known)}")
+        raise ValueError(f"unknown {name} {shown(value)}; known: {', '.join(known)}")
 
 
 def _short(value: float) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.blas import ddot as dot
 
+from homing_lib.errors import shown
 from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
 
 Traces = Literal["accumulating", "replacing", "dutch"]
@@ -110,7 +111,7 @@ class LinearSarsa:
     @step_size.setter
     def step_size(self, alpha: float) -> None:
         if not 0 < alpha < inf:
-            raise ValueError(f"step_size must be finite and greater than 0, got {alpha!r}")
+            raise ValueError(f"step_size must be finite and greater than 0, got {shown(alpha)}")
         self._step_size = float(alpha)
 
     def begin_episode(self) -> None:
@@ -220,14 +221,17 @@ class LinearSarsa:
 
     def _features(self, name: str, phi: ArrayLike | None) -> Array:
         """The feature vector as an array of floats, or ValueError unless its shape is (n,)."""
-        x = np.asarray(phi, np.float64)
+        try:
+            x = np.asarray(phi, np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name} must be numbers of shape {self._shape}, got {shown(phi)}") from None
         if x.shape != self._shape:
             raise ValueError(f"{name} must have shape {self._shape}, got {x.shape}")
         return x
 
     def _action(self, name: str, action: Any) -> int:
         if action is None or not 0 <= action < len(self._theta):
-            raise ValueError(f"{name} must lie in 0..{len(self._theta) - 1}, got {action!r}")
+            raise ValueError(f"{name} must lie in 0..{len(self._theta) - 1}, got {shown(action)}")
         return index(action)
 
 
@@ -260,7 +264,7 @@ class LinearQ(LinearSarsa):
 def finite(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it is finite."""
     if not isfinite(value):
-        raise ValueError(f"{name} must be finite, got {value!r}")
+        raise ValueError(f"{name} must be finite, got {shown(value)}")
     return float(value)
 
 

@@ -1,4 +1,4 @@
-"""Abuse the project by chance, and see that nothing is lost and no one misled: `python -m tests.hostile [CASES] [--seed N]`.
+"""Abuse the project by chance, see that nothing is lost and no one misled: `python -m tests.hostile [CASES] [--seed N]`.
 
 Cases are drawn, with a seed, from the settings' own schema, the command line, the stored files and how they may be
 harmed, and what environment and learners take. Each must be accepted with sound numbers, refused in one line, or
@@ -252,12 +252,12 @@ class Campaign:
         out, errors = io.StringIO(), io.StringIO()
         work = self.here / "work"
         work.mkdir(exist_ok=True)
-        with self.stored_in(self.here), contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
-            with contextlib.chdir(work):
-                try:
-                    code = commands.main(arguments)
-                except SystemExit as end:  # of --help
-                    code = int(end.code or 0)
+        quietly = contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors)
+        with self.stored_in(self.here), quietly[0], quietly[1], contextlib.chdir(work):
+            try:
+                code = commands.main(arguments)
+            except SystemExit as end:  # of --help
+                code = int(end.code or 0)
         lines = [line for line in errors.getvalue().replace("\r", "\n").split("\n") if line and "it/s" not in line]
         said = [line for line in lines if not any(bar in line for bar in ("run/s", "s/run", "?run", "episode/s", "%|"))]
         return code, "\n".join(said)

@@ -1,0 +1,31 @@
+"""A cut of the hostile campaign; the whole: `python -m tests.hostile 1500 --seed N`."""
+
+import os
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes, links and alarms are POSIX's")
+
+
+def test_whatever_one_asks_for_or_harms_nothing_is_lost_and_every_refusal_is_one_line(tmp_path, capsys):
+    from tests.hostile import torment
+
+    came = torment(tmp_path, 220, seed=10, processes=1)
+    told = capsys.readouterr().out
+    assert (came["tracebacks"], came["hangs"], came["lost"]) == (0, 0, 0), told
+    assert sum(came.values()) == 220
+    assert min(came[name] for name in ("refused in one line", "repaired", "accepted")) > 10
+
+
+def test_a_campaign_notices_what_is_lost_and_what_is_no_line(tmp_path, capsys, monkeypatch):
+    from homing_lib.study import runs
+    from tests import hostile
+
+    monkeypatch.setattr(hostile, "SHARES", {"stored_file": 1})
+    monkeypatch.setattr(runs, "_check", lambda *_: None)  # nothing is held against a manifest
+    assert hostile.torment(tmp_path / "a", 60, seed=0, processes=0)["lost"] > 0
+    monkeypatch.undo()
+    monkeypatch.setattr(hostile, "SHARES", {"environment": 1})
+    monkeypatch.setattr("homing_lib.environment.shown", lambda value: f"{value!r}\n")
+    assert hostile.torment(tmp_path / "b", 60, seed=0, processes=0)["tracebacks"] > 0
+    capsys.readouterr()
