@@ -33,6 +33,15 @@ export MPLBACKEND := Agg
 export HYPOTHESIS_STORAGE_DIRECTORY := .build/hypothesis
 unexport PYTHONPATH PYTHONHOME
 
+# Before all else: a stamp goes when a file that it lists is not as it was written, so that the file is made again; so
+# does a folder in a stamp's place.
+$(shell for stamp in .build/data .build/verified .build/numbers .build/notebooks/*; do \
+  [ ! -d "$$stamp" ] || rm -rf "$$stamp"; done)
+$(shell for stamp in $(wildcard .build/numbers .build/notebooks/*); do \
+  cut -d ' ' -f 3- "$$stamp" | while read -r file; do cksum "$$file"; done 2>/dev/null | cmp -s - "$$stamp" || \
+  rm -f "$$stamp"; done)
+$(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/report.pdf ] || rm -f paper/report.pdf)
+
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
@@ -85,28 +94,25 @@ class: .build/class/.ready
 	@mv $@.part $@
 
 
-### Notebooks: the stamp of each lists the files that it wrote
+### Notebooks: the stamp of each lists the files that it wrote, with their checksums
 
 .build/notebooks/%: notebooks/%.ipynb .build/data $(LIBRARY) environment.lock
 	@mkdir -p $(@D)
 	$(HOMING) notebook $* > $@.part
-	@mv $@.part $@
+	@while read -r file; do cksum "$$file"; done < $@.part > $@.sums
+	@rm $@.part; mv $@.sums $@
 
 .build/quick/%.ipynb: notebooks/%.ipynb .build/data $(LIBRARY) environment.lock
 	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
 
-# A stamp goes when a file that it lists is gone, so that the file is made again.
-$(foreach stamp,$(wildcard .build/notebooks/*),$(foreach file,$(file <$(stamp)),\
-  $(if $(wildcard $(file)),,$(shell rm -f $(stamp)))))
-
-
 ### Report
 
-paper/numbers.tex: .build/data $(LIBRARY)
-	$(HOMING) report > $@.part
-	@mv $@.part $@
+.build/numbers: .build/data $(LIBRARY)
+	$(HOMING) report > paper/numbers.tex.part
+	@mv paper/numbers.tex.part paper/numbers.tex
+	@cksum paper/numbers.tex > $@
 
-.build/paper/report.pdf: paper/report.tex paper/numbers.tex $(NOTEBOOKS:%=.build/notebooks/%)
+.build/paper/report.pdf: paper/report.tex .build/numbers $(NOTEBOOKS:%=.build/notebooks/%)
 	@paper/install-tex.sh
 	@mkdir -p $(@D)
 	latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error -outdir=../$(@D) $< > $@.log || \

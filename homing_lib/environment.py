@@ -148,12 +148,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             "image": box(0, 255, (size, size, 3), np.uint8),
             "features": box(0.0, 1.0, (n,), np.float64),
         }
-        if observation not in list(spaces):
+        if not isinstance(observation, str) or observation not in spaces:
             raise UserError(f"observation = {shown(observation)}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
             remedy = 'choose "features", or images="camera"'
             raise UserError(f'observation = "image": an atlas holds histograms only; {remedy}')
-        if render_mode not in (None, *self.metadata["render_modes"]):
+        if not isinstance(render_mode, str | None) or render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")

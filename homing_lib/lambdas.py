@@ -167,7 +167,9 @@ def checked(rule: LambdaRule) -> LambdaRule:
     try:
         signature(rule).bind(delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0)
     except TypeError as error:
-        raise TypeError(f"lambda_rule = {name_of(rule)}: {error}; {TAKES_AND_RETURNS}") from None
+        raise TypeError(
+            f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}; {TAKES_AND_RETURNS}"
+        ) from None
     except ValueError:
         pass  # one of C, which keeps its signature to itself
     return rule

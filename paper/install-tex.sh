@@ -20,5 +20,16 @@ fi
 
 # Another installation may be at work, as on a machine that was just started: wait for it.
 patient='-o DPkg::Lock::Timeout=600'
-$as_root apt-get $patient update -q
-$as_root env DEBIAN_FRONTEND=noninteractive apt-get $patient install -q -y --no-install-recommends $packages
+tries=0
+until $as_root apt-get $patient update -q; do # whose own lock it does not wait for
+    tries=$((tries + 1))
+    if [ $tries -eq 20 ]; then
+        echo "homing: the packages of LaTeX cannot be listed; all but the report is made; later: make paper" >&2
+        exit 1
+    fi
+    sleep 15
+done
+$as_root env DEBIAN_FRONTEND=noninteractive apt-get $patient install -q -y --no-install-recommends $packages || {
+    echo "homing: LaTeX cannot be had here; all but the report is made; later: make paper" >&2
+    exit 1
+}

@@ -1,4 +1,4 @@
-"""Abuse the project by chance, see that nothing is lost and no one misled: `python -m tests.hostile [CASES] [--seed N]`.
+"""Abuse the project by chance; nothing is lost, no one misled: `python -m tests.hostile [CASES] [--seed N]`.
 
 Cases are drawn, with a seed, from the settings' own schema, the command line, the stored files and how they may be
 harmed, and what environment and learners take. Each must be accepted with sound numbers, refused in one line, or

@@ -10,10 +10,10 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes, links and alarms
 def test_whatever_one_asks_for_or_harms_nothing_is_lost_and_every_refusal_is_one_line(tmp_path, capsys):
     from tests.hostile import torment
 
-    came = torment(tmp_path, 220, seed=10, processes=1)
+    came = torment(tmp_path, 150, seed=10, processes=1)
     told = capsys.readouterr().out
     assert (came["tracebacks"], came["hangs"], came["lost"]) == (0, 0, 0), told
-    assert sum(came.values()) == 220
+    assert sum(came.values()) == 150
     assert min(came[name] for name in ("refused in one line", "repaired", "accepted")) > 10
 
 
@@ -23,9 +23,9 @@ def test_a_campaign_notices_what_is_lost_and_what_is_no_line(tmp_path, capsys, m
 
     monkeypatch.setattr(hostile, "SHARES", {"stored_file": 1})
     monkeypatch.setattr(runs, "_check", lambda *_: None)  # nothing is held against a manifest
-    assert hostile.torment(tmp_path / "a", 60, seed=0, processes=0)["lost"] > 0
+    assert hostile.torment(tmp_path / "a", 30, seed=0, processes=0)["lost"] > 0
     monkeypatch.undo()
     monkeypatch.setattr(hostile, "SHARES", {"environment": 1})
     monkeypatch.setattr("homing_lib.environment.shown", lambda value: f"{value!r}\n")
-    assert hostile.torment(tmp_path / "b", 60, seed=0, processes=0)["tracebacks"] > 0
+    assert hostile.torment(tmp_path / "b", 30, seed=0, processes=0)["tracebacks"] > 0
     capsys.readouterr()

@@ -20,7 +20,8 @@ shift 2
 echo "$*" >> log
 case $1 in
     data) [ -e "$3" ] || touch "$3" ;;
-    notebook) touch "figures/$2.pdf"; echo "figures/$2.pdf" ;;
+    notebook) echo drawn > "figures/$2.pdf"; echo "figures/$2.pdf" ;;
+    report) echo numbers ;;
 esac
 """
 
@@ -91,6 +92,40 @@ def test_a_deleted_figure_is_made_again(make, tmp_path):
     assert (tmp_path / "figures/01-a.pdf").exists()
 
 
+@pytest.mark.parametrize(
+    ("file", "again"),
+    [
+        ("figures/01-a.pdf", "notebook 01-a"),
+        ("paper/numbers.tex", "report"),
+        (".build/notebooks/01-a", "notebook 01-a"),
+    ],
+)
+def test_a_truncated_product_or_stamp_is_not_taken_for_made(make, tmp_path, file, again):
+    make()
+    whole = (tmp_path / file).read_bytes()
+    (tmp_path / file).write_bytes(whole[:-2])
+    assert again in make()
+    assert (tmp_path / file).read_bytes() == whole
+    assert make() == ["data", "summary"]
+
+
+@pytest.mark.parametrize("stamp", ["data", "verified", "numbers", "notebooks/01-a"])
+def test_a_folder_in_the_place_of_a_stamp_is_not_taken_for_one(make, tmp_path, stamp):
+    make()
+    (tmp_path / ".build" / stamp).unlink()
+    (tmp_path / ".build" / stamp).mkdir()
+    make()
+    assert (tmp_path / ".build" / stamp).is_file()
+
+
+def test_a_truncated_report_is_copied_again(make, tmp_path):
+    script(tmp_path / "bin/latexmk", "#!/bin/sh\necho pages > .build/paper/report.pdf\n")
+    make()
+    (tmp_path / "paper/report.pdf").write_text("pa")
+    make()
+    assert (tmp_path / "paper/report.pdf").read_text() == "pages\n"
+
+
 def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
     for name in ("Makefile", "environment.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
@@ -149,6 +184,20 @@ def test_without_latex_root_gets_it_and_others_are_told_the_command(user, tmp_pa
         assert done.returncode == 1
         assert done.stderr == f"homing: the report needs LaTeX; run: sudo apt-get install {packages}\n"
         assert not (tmp_path / "log").exists()
+
+
+def test_the_lock_of_the_lists_is_waited_for_and_where_latex_cannot_be_had_that_is_one_line(tmp_path):
+    script(tmp_path / "id", "#!/bin/sh\necho 0\n")
+    script(tmp_path / "sleep", f"#!/bin/sh\necho slept >> {tmp_path}/log\n")
+    (tmp_path / "env").symlink_to("/usr/bin/env")
+    script(tmp_path / "apt-get", f"#!/bin/sh\n[ -e {tmp_path}/log ]\n")  # locked once, then everything goes well
+    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
+    assert (done.returncode, (tmp_path / "log").read_text()) == (0, "slept\n")
+    script(tmp_path / "apt-get", "#!/bin/sh\nexit 100\n")
+    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("homing: the packages of LaTeX cannot be listed; all but the report is made")
 
 
 def test_notebooks_run_under_the_settings_of_the_makefile():
