@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 from time import sleep
 
 import numpy as np
+import psutil
 import pytest
 
 pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_everywhere.py does without
@@ -22,6 +24,7 @@ from homing_lib.atlas import Lattice, open_atlas
 from homing_lib.environment import HomingEnv, free_pose, survey
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
+from homing_lib.storage import packed, read_arrays
 
 ROOT = Path(__file__).parent.parent
 
@@ -353,3 +356,27 @@ def test_the_name_depends_on_every_setting_that_rendering_asks_for(tmp_path):
 
 def test_the_name_depends_on_nothing_that_only_learning_asks_for():
     assert atlas.digest(PAPER, SETTINGS) == atlas.digest(PAPER, SETTINGS.with_changes(alpha0=0.5, max_steps=7))
+
+
+def test_an_atlas_of_altered_values_or_of_another_name_is_not_taken_for_what_was_written(stored, undisturbed, capsys):
+    sound, (about, arrays) = hashes(undisturbed), read_arrays(stored)
+    arrays["clearance_m"] = arrays["clearance_m"][::-1]
+    stored.write_bytes(packed(about, arrays))
+    assert atlas._read(stored) is None
+    renamed = stored.with_name("paper-00000000-00000000-00000000.npz")
+    shutil.copy(next(undisturbed.glob("*.npz")), renamed)
+    assert atlas._read(renamed) is None
+    renamed.unlink()
+    opened(stored.parent)
+    assert hashes(stored.parent) == sound
+
+
+def test_who_builds_an_atlas_goes_with_the_parent_within_ten_seconds(tmp_path):
+    building = start(tmp_path)
+    wait_for_parts(tmp_path, 1, building)
+    workers = psutil.Process(building.pid).children(recursive=True)
+    os.kill(building.pid, signal.SIGKILL)
+    building.wait()
+    assert workers
+    _, alive = psutil.wait_procs(workers, timeout=10)
+    assert not alive

@@ -143,3 +143,65 @@ def test_an_interrupt_from_the_keyboard_ends_a_run_with_code_130_and_one_line():
     assert b"Traceback" not in errors
     last = errors.decode().replace("\r", "\n").strip().splitlines()[-1]
     assert last == "homing: interrupted; what was finished is kept; the same command resumes from there"
+
+
+def test_where_a_run_cannot_be_stored_it_is_not_begun(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("homing_lib.agent.run", None)
+    for out in (tmp_path, tmp_path / "file" / "run.npz"):
+        (tmp_path / "file").touch()
+        assert main(["run", *TINY, "--out", str(out)]) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"homing: {out}: cannot be written (")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["sweep", "lambda", "--workers", "1000000"], "must be at most "),
+        (["run", "--seed", "9" * 5000], "at most 18 digits"),
+        (["run", "--set", "=1"], "--set =1: expected NAME=VALUE"),
+        (["run", "--set", "a\nb=1"], "setting a"),
+        (["run", "--set", "alpha=1"], "did you mean alpha0?"),
+        (["run", "--set", "room=attik"], "did you mean attic?"),
+        (["run", "--set", "lambda_rule=fletcher-reves"], "did you mean fletcher-reeves?"),
+        (["sweep", "lamda"], "did you mean lambda?"),
+        (["run", "--set", "images=compact", "--set", "room=attic"], 'use images="atlas", which needs PyBullet'),
+    ],
+)
+def test_a_line_is_one_line_short_and_names_the_remedy_or_the_nearest(arguments, said, capsys):
+    assert main(arguments) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert len(line) < 500
+
+
+def test_what_is_not_utf_8_in_the_page_of_studies_or_the_stamp_is_written_anew(tmp_path, monkeypatch):
+    from homing_lib.study import studies
+
+    page, stamp = tmp_path / "STUDIES.md", tmp_path / "stamp"
+    monkeypatch.setattr(studies, "PAGE", page)
+    monkeypatch.setattr(studies, "page", lambda: "the page\n")
+    monkeypatch.setattr(studies, "in_order", lambda: iter(()))
+    for path in (page, stamp):
+        path.write_bytes(b"\xff\xfe")
+    assert main(["data", "--stamp", str(stamp)]) == 0
+    assert page.read_text(encoding="utf-8") == "the page\n"
+    assert len(stamp.read_text(encoding="utf-8")) == 65
+
+
+@pytest.mark.parametrize("moment", [0.3, 0.8])
+def test_an_interrupt_while_the_command_is_loaded_leaves_no_traceback(moment):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "homing_lib", "run", *TINY, "--set", "episodes=100000"],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        time.sleep(moment)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode in (130, -signal.SIGINT)
+    assert b"Traceback" not in errors

@@ -114,3 +114,22 @@ def test_an_address_without_a_scheduler_is_refused_in_one_line(address, tmp_path
     assert "Traceback" not in errors
     assert last_line(errors).startswith(f"homing: --cluster {address}: no Dask scheduler answers there (")
     assert not contents(tmp_path)
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "tls", "ucx", "nothing"])
+def test_what_is_no_scheduler_is_refused_in_one_line_within_some_seconds(scheme, tmp_path):
+    with socket.socket() as silent:  # takes whoever comes, and never says a word
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        address = "" if scheme == "nothing" else f"{scheme}://127.0.0.1:{silent.getsockname()[1]}"
+        process = start(tmp_path, "--cluster", address)
+        try:
+            began = time.monotonic()
+            _, errors = process.communicate(timeout=60)
+        finally:
+            end(process)
+    assert process.returncode == 1
+    assert time.monotonic() - began < 25  # of which loading it takes some
+    (line,) = errors.strip().splitlines()
+    assert line.startswith("homing: --cluster")
+    assert not contents(tmp_path)

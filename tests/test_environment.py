@@ -1,5 +1,8 @@
+import copy
 import doctest
+import gc
 import os
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -519,3 +522,51 @@ def test_60_environments_opened_and_closed_leave_nothing_behind(tmp_path, monkey
     assert after[1] == before[1]
     assert list(tmp_path.iterdir()) == []
     assert after[2] - before[2] < 30  # MB; Bullet keeps about .05 an environment, a forgotten one would keep some 10
+
+
+def test_an_environment_with_the_camera_cannot_be_copied_or_pickled_and_one_without_can(home_model):
+    with HomingEnv(model=home_model) as env:
+        for attempt in (copy.deepcopy, copy.copy, pickle.dumps):
+            with pytest.raises(UserError, match=r'^an environment with images="camera" cannot be copied or pickled'):
+                attempt(env)
+        env.reset(seed=0)
+    with HomingEnv(images="compact", observation="features") as env:
+        env.reset(seed=0)
+        others = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+        env.step(0)
+        seen = env.step(2)
+        for other in others:
+            other.step(0)
+            again = other.step(2)
+            np.testing.assert_array_equal(again[0], seen[0])
+            assert again[1:] == seen[1:]
+
+
+def test_an_environment_that_is_dropped_unclosed_frees_its_client(home_model):
+    before = open_clients()
+    env = HomingEnv(model=home_model)
+    env.reset(seed=0)
+    del env
+    gc.collect()
+    assert open_clients() == before
+
+
+@pytest.mark.parametrize("action", [np.array([1]), 1.0, "1", None, [0], np.ones(300)])
+def test_an_action_is_a_whole_number(action):
+    with HomingEnv(images="compact", observation="features") as env:
+        env.reset(seed=0)
+        with pytest.raises(UserError, match=r"^action = .{1,60}: must be 0, 1 or 2$"):
+            env.step(action)
+
+
+@pytest.mark.parametrize("options", [5, {"strat": (0, 0, 0)}, ["start"], "start"])
+def test_options_that_are_none_are_refused(options):
+    env = HomingEnv(images="compact", observation="features")
+    with pytest.raises(UserError, match=r"^options = .*: must be None or \{'start': ...\}$"):
+        env.reset(options=options)
+
+
+def test_where_every_view_passes_for_home_there_is_one_line():
+    env = HomingEnv(light=0.01, image_size=16, observation="features", survey_steps=20)
+    with pytest.raises(UserError, match=r"^settings: every view passes for home"):
+        env.reset(seed=0)

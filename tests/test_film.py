@@ -1,5 +1,7 @@
 """A film shows what the run recorded, with the camera's own images, and is never half-written."""
 
+import json
+import subprocess
 import sys
 from itertools import pairwise
 
@@ -130,7 +132,10 @@ def test_a_film_shows_every_step_while_all_episodes_go_on_and_lasts_less_than_fo
 
 def test_a_stored_run_is_not_computed_again(result, tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "DATA", tmp_path)
-    runs.save(result, runs.path_of(HEADLINE.folder, result.settings, 3))
+    path = runs.path_of(HEADLINE.folder, result.settings, 3)
+    runs.save(result, path)
+    manifest = {"sha256": {path.name: runs._sha256(path)}, "made by": runs.MADE_BY}
+    HEADLINE.table.with_suffix(".json").write_text(json.dumps(manifest))
     monkeypatch.setattr("homing_lib.publish.film.run", None)
     assert homing_film(tmp_path / "film.gif") == 0
 
@@ -179,3 +184,19 @@ def test_a_run_that_diverged_before_says_so(tmp_path, capsys):
     assert homing_film(tmp_path / "film.gif", alpha0=1e300, max_steps=50) == 1
     assert capsys.readouterr().err.splitlines()[-1] == "homing: --episode 2: the run diverged in episode 1"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_film_left_is_cleared_by_the_next_of_that_name(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    (tmp_path / f".film.{gone.pid}.part.gif").touch()
+    (tmp_path / f".other.{gone.pid}.part.gif").touch()
+    assert homing_film(tmp_path / "film.gif") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f".other.{gone.pid}.part.gif", "film.gif"]
+
+
+def test_a_stored_run_that_is_not_what_its_manifest_says_is_not_filmed(result, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(runs, "DATA", tmp_path)
+    runs.save(result, runs.path_of(HEADLINE.folder, result.settings, 3))
+    assert homing_film(tmp_path / "film.gif") == 1
+    assert "no manifest vouches for it; `make data` computes it" in capsys.readouterr().err

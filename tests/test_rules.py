@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from homing_lib.agent import run
+from homing_lib.errors import UserError
 from homing_lib.lambdas import Fixed, fletcher_reeves
 from homing_lib.settings import Settings
 from homing_lib.study import rules
@@ -42,3 +43,11 @@ def test_a_run_that_diverges_counts_as_the_step_cap():
 def test_what_is_no_rule_is_refused_in_one_line():
     with pytest.raises(TypeError, match="a lambda rule is a function of the keywords"):
         rules.compare({"half": 0.5}, [0], TINY)
+
+
+def test_before_any_run_all_rules_and_seeds_are_looked_at_and_the_label_named(monkeypatch):
+    monkeypatch.setattr(rules, "run", None)
+    with pytest.raises(TypeError, match=r"^half: lambda_rule = 0.5: "):
+        rules.compare({"form 2": fletcher_reeves, "half": 0.5}, [0], TINY)
+    with pytest.raises(UserError, match=r"^seeds = 3: must be a list or range of 0, 1, 2, ...$"):
+        rules.compare({"form 2": fletcher_reeves}, 3, TINY)

@@ -1,3 +1,4 @@
+import json
 import re
 from math import degrees, inf, nan
 from typing import get_args
@@ -7,6 +8,7 @@ from pydantic import ValidationError
 
 from homing_lib.errors import UserError
 from homing_lib.settings import Settings
+from homing_lib.study import studies
 
 FIELDS = Settings.model_fields
 
@@ -118,3 +120,32 @@ def test_the_wheels_roll_what_turn_and_advance_ask_of_them():
     assert right == left[::-1]
     assert sum(left) / 2 == pytest.approx(0.06)
     assert degrees((left[1] - left[0]) / 0.06) == pytest.approx(30)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"first_episode_share": 1e307},
+        {"alpha0": 5e-324},
+        {"tau0": 5e-324},
+        {"survey_steps": 10**9},
+        {"episodes": "9" * 400},
+        {"variance_floor_pixels": 1e158},
+        {"variance_floor_pixels": 1e-160},
+        {"turn_deg": 0.001},
+        {"multiplier": 1.01},
+        {"room": "cellar"},
+    ],
+)
+def test_what_would_break_later_or_means_nothing_is_refused_at_once_and_shortly(changes):
+    with pytest.raises(UserError) as refusal:
+        Settings(**changes)
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
+
+
+def test_no_bound_refuses_what_a_study_has_stored():
+    for study in studies.in_order():
+        manifest = json.loads(study.table.with_suffix(".json").read_text(encoding="utf-8"))
+        for values in manifest["conditions"].values():
+            Settings(**values)

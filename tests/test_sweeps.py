@@ -347,3 +347,121 @@ def test_an_interrupt_in_the_moment_when_workers_are_started_is_late_but_not_los
     monkeypatch.setattr(joblib.Parallel, "__call__", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sweep(STUDY, workers=2)
+
+
+# What vouches for a complete run
+
+
+@pytest.fixture
+def whole_runs(here):
+    """A study of complete runs that an earlier version made."""
+    earlier = dict.fromkeys(runs.MADE_BY, "earlier")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runs, "MADE_BY", earlier)
+        sweep(WHOLE_RUNS, workers=1)
+    return contents(here)
+
+
+def _reversed(path):
+    result = runs.load(path)
+    runs.save(replace(result, steps=result.steps[::-1]), path)
+
+
+@pytest.mark.parametrize("manifest", ["missing", "of another study"])
+def test_what_no_manifest_vouches_for_is_not_read_and_is_computed_anew(manifest, here, whole_runs):
+    file, first = WHOLE_RUNS.table.with_suffix(".json"), path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0])
+    _reversed(first)
+    if manifest == "missing":
+        file.unlink()
+    else:
+        other = replace(FEW, name="other")
+        sweep(other, workers=1)
+        shutil.copy(other.table.with_suffix(".json"), file)
+    assert refusal(load_study, WHOLE_RUNS).startswith(f"{first}: no manifest vouches for it; `make data` computes it")
+    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS.jobs())
+    assert first.read_bytes() == whole_runs[str(first.relative_to(here))]
+    assert json.loads(file.read_text())["made by"] == runs.MADE_BY
+
+
+@pytest.mark.parametrize("change", [{"seeds": [9]}, {"conditions": {}}, {"measure": 5}])
+def test_what_was_not_computed_again_keeps_what_made_it(change, here, whole_runs):
+    file = WHOLE_RUNS.table.with_suffix(".json")
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    assert sweep(WHOLE_RUNS, workers=1) == 0
+    assert contents(here) == whole_runs
+
+
+def test_a_run_that_comes_out_the_same_again_keeps_what_first_made_it(here, whole_runs):
+    path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0]).unlink()
+    assert sweep(WHOLE_RUNS, workers=1) == 1
+    assert contents(here) == whole_runs
+
+
+def test_a_run_that_replaces_another_is_said_to_be_made_by_this_version_too(here, whole_runs):
+    file, first = WHOLE_RUNS.table.with_suffix(".json"), path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0])
+    manifest = json.loads(file.read_text())
+    manifest["sha256"][first.name] = "0" * 64
+    file.write_text(json.dumps(manifest))
+    first.unlink()
+    assert sweep(WHOLE_RUNS, workers=1) == 1
+    this = runs.MADE_BY["homing_lib"]
+    assert json.loads(file.read_text())["made by"]["homing_lib"] == ", ".join(sorted(["earlier", this]))
+
+
+def test_a_sweep_of_complete_runs_that_is_stopped_keeps_those_that_it_has(here, monkeypatch):
+    store, stored = runs._store, []
+
+    def stopped(*result):
+        if len(stored) == 2:
+            raise KeyboardInterrupt
+        stored.append(store(*result))
+        return stored[-1]
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(runs, "_store", stopped)
+        sweep(WHOLE_RUNS, workers=1)
+    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS.jobs()) - 2
+
+
+@pytest.mark.parametrize("content", ["[" * 100_000, '{"sha256": {}}', '{"sha256": {}, "made by": {"numpy": 1}}'])
+def test_a_manifest_that_does_not_say_what_made_it_is_refused_with_the_remedy(content, here, stored):
+    manifest = FEW.table.with_suffix(".json")
+    manifest.write_text(content)
+    for function in (load_table, sweep):
+        assert refusal(function, FEW).startswith(f"{manifest}: damaged file (")
+    manifest.unlink()
+    assert sweep(FEW, workers=1) == 0
+    assert contents(here) == stored
+
+
+def test_seeds_may_be_numpys_and_what_are_no_seeds_is_one_line(tmp_path):
+    study = replace(WHOLE_RUNS, seeds=np.arange(2))
+    sweep(study, workers=1)
+    assert json.loads(study.table.with_suffix(".json").read_text())["seeds"] == [0, 1]
+    runs.save(run(SMALL, np.int64(1)), tmp_path / "run.npz")
+    assert runs.load(tmp_path / "run.npz").seed == 1
+    for seeds in (3, [-1], [0.5], [None], [], [1, 1], "01"):
+        assert refusal(lambda seeds=seeds: replace(FEW, seeds=seeds)).startswith("seeds = ")
+    for seed in (None, -1, 0.5, "1"):
+        assert refusal(run, SMALL, seed) == f"seed = {seed!r}: must be 0, 1, 2, ..."
+
+
+def test_the_workers_of_complete_runs_go_with_their_parent_too(here):
+    program = (
+        "from pathlib import Path; import sys; from tests import kills\n"
+        "from tests.test_sweeps import WHOLE_RUNS, replace\n"
+        "slow = kills.SMALL.with_changes(survey_steps=100_000)\n"
+        "with kills.stored_in(Path(sys.argv[1])):\n"
+        "    kills.sweep(replace(WHOLE_RUNS, conditions={'slow': slow}), workers=2)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program, str(here)], cwd=kills.ROOT, start_new_session=True)
+    try:
+        wait_for(lambda: len(workers_of(process)) == 2)
+        time.sleep(2)  # they are at work
+        orphans = workers_of(process)
+        os.kill(process.pid, signal.SIGTERM)
+        process.wait()
+        assert orphans
+        wait_for(lambda: not any(lives(orphan) for orphan in orphans), seconds=10)
+    finally:
+        end(process)
