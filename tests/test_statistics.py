@@ -106,7 +106,7 @@ def test_a_paired_ratio_keeps_runs_together(rng):
 def test_a_ratio_with_one_choice_is_the_plain_ratio(statistic, rng):
     ours, theirs = rng.uniform(10, 30, (2, 60))
     plain, chosen = ratio(ours, theirs, rng, statistic), ratio_at_best([ours], [theirs], rng, statistic)
-    assert chosen == pytest.approx(plain, abs=0.01)
+    assert chosen == pytest.approx(plain, abs=0.03)
 
 
 def test_each_side_has_its_best_row_and_ours_are_drawn_with_theirs(rng):
@@ -123,13 +123,16 @@ def test_one_half_of_the_runs_is_judged_at_the_row_that_the_other_half_chooses(r
 
 def test_who_may_choose_among_many_alike_seems_no_better_for_it(rng):
     """One row against twelve of the same chance: whoever judges the least by the runs that chose it is fooled."""
-    held, fooled = 0, 0
+    held, found, fooled = [], [], []
     for _ in range(20):
         ours, theirs = rng.exponential(100, (1, 30)), rng.exponential(100, (12, 30))
-        held += side(ratio_at_best(ours, theirs, rng), 1) == "open"
-        fooled += side(ratio(ours[0], theirs[theirs.mean(axis=1).argmin()], rng), 1) == "above"
-    assert held >= 18
-    assert fooled >= 8
+        chosen = ratio_at_best(ours, theirs, rng)
+        held.append(side(chosen, 1) == "open")
+        found.append(np.log(chosen.value))
+        fooled.append(np.log(ours.mean() / theirs.mean(axis=1).min()))
+    assert sum(held) >= 18
+    assert abs(np.mean(found)) < 0.1
+    assert np.mean(fooled) > 0.2
 
 
 def test_intervals_of_a_family_are_as_wide_as_their_number_asks(rng):

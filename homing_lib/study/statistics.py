@@ -108,20 +108,20 @@ def ratio_at_best(
     chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100 studies of 50
     runs; if the chosen rows were resampled by the runs that chose them, in 75.
     """
-    rows = [np.asarray(side, dtype=np.float64) for side in (ours, theirs)]
-    runs = np.arange(rows[0].shape[1])
+    both = [np.asarray(rows, dtype=np.float64) for rows in (ours, theirs)]
+    runs = np.arange(both[0].shape[1])
 
-    def quotient(halves: tuple[Array, Array]) -> Array:
-        ours, theirs = (statistic(_chosen_by_others(side, halves, statistic), axis=1) for side in rows)
-        return np.asarray(ours / theirs)
+    def quotient(halves: Sequence[Any]) -> Array:
+        our, their = (statistic(_chosen_by_others(rows, halves, statistic), axis=1) for rows in both)
+        return np.asarray(our / their)
 
-    (value,) = quotient((runs[None, ::2], runs[None, 1::2]))
+    (value,) = quotient([runs[None, ::2], runs[None, 1::2]])
     again = [half[rng.integers(len(half), size=(RESAMPLES, len(half)))] for half in (runs[::2], runs[1::2])]
-    low, high = np.percentile(quotient((again[0], again[1])), (2.5 / family, 100 - 2.5 / family))
+    low, high = np.percentile(quotient(again), (2.5 / family, 100 - 2.5 / family))
     return Interval(float(value), float(low), float(high))
 
 
-def _chosen_by_others(rows: Array, halves: tuple[Array, Array], statistic: Callable[..., Any]) -> Array:
+def _chosen_by_others(rows: Array, halves: Sequence[Any], statistic: Callable[..., Any]) -> Array:
     """Shape (replicates, runs): each half of the runs, from the row whose statistic is least in the other half."""
     least = [np.argmin([statistic(row[half], axis=1) for row in rows], axis=0)[:, None] for half in halves]
     return np.hstack([rows[least[1], halves[0]], rows[least[0], halves[1]]])
