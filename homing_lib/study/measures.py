@@ -1,4 +1,4 @@
-"""What is kept of a run: a table of its episodes, of trials after it, of views, of shortest paths."""
+"""What is kept of a run: its episodes or their summary, trials after it, views, shortest paths."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -14,7 +14,7 @@ from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
-from homing_lib.study.runs import Columns
+from homing_lib.study.runs import Columns, by_episode
 from homing_lib.thresholds import stopping_thresholds
 
 WINDOW = 5  # episodes at each end of a run that are compared: the first five with the last five
@@ -42,6 +42,40 @@ def episode_table(result: Run) -> Columns:
     number, lost = np.arange(1.0, result.settings.episodes + 1), result.settings.episodes - len(lengths)
     padded = {name: np.r_[values, np.full(lost, np.nan)] for name, values in finished.items()}
     return {"episode": number, **padded, "diverged": (number > len(lengths)).astype(float)}
+
+
+def summary(settings: Settings, seed: int) -> Columns:
+    """One row per run, for studies of many."""
+    return summary_table(run(settings, seed))
+
+
+def summary_table(result: Run) -> Columns:
+    """A run in one row. An episode that it did not finish, since it diverged, took `max_steps` and did not come home.
+
+    Steps, mean of the first and last WINDOW episodes and sum of all: `early`, `late`, `total`; `lost`: share of the
+    last WINDOW that did not reach home; sum of the weights' `change`; mean `lambda`; shares of the steps: `clipped`,
+    `at_wall`, `band` (psi_lower <= NRB < psi_upper); `band_stay`: longest stay there, in steps; `diverged`.
+    """
+    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier)
+    home = np.pad(result.reached, (0, len(steps) - len(result.reached)))
+    nrb = result.column("similarity")
+    band = (nrb >= psi.lower) & (nrb < psi.upper)
+    # An episode's last step is home or the cap: no stay in the band goes on from there.
+    inside = np.concatenate([[0], np.insert(band, result.ended[:-1], False), [0]]).astype(int)
+    edges = np.flatnonzero(np.diff(inside)).reshape(-1, 2)
+    taken = max(len(result.steps), 1)
+    shares = {name: result.column(name) for name in ("lambda", "clipped", "at_wall")} | {"band": band}
+    row = {
+        "early": steps[:WINDOW].mean(),
+        "late": steps[-WINDOW:].mean(),
+        "total": steps.sum(),
+        "lost": 1 - home[-WINDOW:].mean(),
+        "change": result.column("change").sum(),
+        **{name: values.sum() / taken for name, values in shares.items()},
+        "band_stay": np.diff(edges).max(initial=0),
+        "diverged": result.diverged > 0,
+    }
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
 TRIAL_STEPS = 300  # a robot that has not come home by then is counted as lost

@@ -1,0 +1,1 @@
+"""What in lambda_t matters: its timing, its size, its sign, and in which rooms."""

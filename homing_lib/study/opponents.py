@@ -1,0 +1,1 @@
+"""What learning is worth: against robots that do not learn, and from anywhere."""

@@ -1,0 +1,1 @@
+"""What the reward does, what the paper's letter gives, and what the earlier model gave."""
