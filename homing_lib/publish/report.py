@@ -97,7 +97,7 @@ def summary() -> str:
 
 def verdicts() -> str:
     """Which claims got which verdict: "reproduced C3, C10; ..."."""
-    found = {f"C{number}": claims.judge(number).verdict for number in claims.CLAIMS}
+    found = {name: claims.judge(name).verdict for name in claims.names("C")}
     numbers = {verdict: [name for name in found if found[name] == verdict] for verdict in get_args(claims.Verdict)}
     return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
 
@@ -107,13 +107,13 @@ def verdicts() -> str:
 
 def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
-    judged = map(claims.judge, claims.CLAIMS)
+    judged = map(claims.judge, claims.names("C"))
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
         "verdicts": _tex(verdicts()),
         "judgedRuns": f"{len(studies.JUDGED)}",
         "triedRobots": f"{len(studies.AFTER.seeds)}",
-        "tableClaims": "\n".join(_row(f"C{one.number}", one.claim, one.verdict, one.effect) for one in judged),
+        "tableClaims": "\n".join(_row(one.name, one.claim, one.verdict, one.effect) for one in judged),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
     }
