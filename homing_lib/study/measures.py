@@ -116,6 +116,34 @@ def trials(settings: Settings, seed: int) -> Columns:
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
 
+def abductions(settings: Settings, seed: int) -> Columns:
+    """After learning, at 40 random free poses: an episode that starts there, and one in which the robot is carried
+    there after eight steps from the usual start.
+
+    One row per pose, `x`, `y` (m), `heading` (rad): steps from there, `begun` and `carried`, at most TRIAL_STEPS, and
+    whether home was reached, `begun_home` and `carried_home`. A run that diverged: one row without numbers.
+    """
+    rows: list[tuple[float, ...]] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        rng, settled = np.random.default_rng([seed, 4]), Settled(agent)
+        worlds = [
+            HomingEnv(settings.with_changes(max_steps=cap), observation="features", model=env.model)
+            for cap in (TRIAL_STEPS, TRIAL_STEPS + _KIDNAPPED_AT)
+        ]
+        with worlds[0] as usual, worlds[1] as longer:
+            for world in worlds:
+                world.reset(seed=seed)
+            for pose in (free_pose(env.world, env.room, rng) for _ in range(40)):
+                begun, begun_home = run_episode(usual, settled, {"start": pose})
+                carried, carried_home = run_episode(Kidnapped(longer, _KIDNAPPED_AT, pose), settled)
+                rows.append((*pose, len(begun), begun_home, len(carried) - _KIDNAPPED_AT, carried_home))
+
+    names = ("x", "y", "heading", "begun", "begun_home", "carried", "carried_home")
+    run(settings, seed, afterwards=afterwards)
+    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+
 class Settled(RandomAgent):
     """A trained agent that only drives: its last exploration, its weights as they are."""
 

@@ -250,7 +250,7 @@ _LISTED.append(finalists)
 
 def in_order() -> Iterator[Study]:
     """All studies: those here, of which the last needs the table of the one before it, then the others."""
-    from homing_lib.study import mechanism, opponents, readings  # noqa: F401, which list theirs when imported
+    from homing_lib.study import judges, mechanism, opponents, readings  # noqa: F401, which list theirs when imported
 
     return (each() for each in _LISTED)
 
