@@ -320,13 +320,6 @@ def around_the_ninth(of: Any) -> Judged:
     )
 
 
-@claim("C14", "one snapshot does better than three", studies.PARTS)
-def one_snapshot(parts: Any) -> Judged:
-    """With three, an episode takes more steps."""
-    also = " (Similarity is then the mean of three comparisons: what passes for home changes too.)"
-    return _worse_with(parts, "three snapshots", f"With three, {Settings().snapshot_angle_deg:g} degrees apart,", also)
-
-
 @claim("C15", "the second form of the threshold changes more finely than the first")
 def finer_threshold() -> Judged:
     """Weak: from multiplier 11 to 12 it moves less. Strong: also from the same threshold on, where one tunes it."""
@@ -351,17 +344,6 @@ def falling_cost(of: Any) -> Judged:
         verdicts.get(found.word, "not reproduced"),
         f"With a constant cost (the mean of 1/t over 100 steps) an episode takes {found:.2f} of the steps"
         f"{knife_edge(*found, margins=(1, MARGIN))}: {found.word}.",
-    )
-
-
-@claim("C17", "tens of episodes suffice where the earlier model took hundreds", studies.LAMBDA, studies.PARTS)
-def tens_of_episodes(of: Any, parts: Any) -> Judged:
-    """Not to be judged without the earlier model; not reproduced if nothing is learnt in 20 episodes."""
-    learnt = compare(late(parts, "default"), early(parts, "default")).side == "below"
-    return (
-        "not testable here" if learnt else "not reproduced",
-        "The earlier model is not rebuilt, so the comparison cannot be made here. What can be seen is how soon this "
-        f"one comes within one and a half times its last episodes: by episode {first_good(of):.0f}.",
     )
 
 
