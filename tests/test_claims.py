@@ -109,9 +109,7 @@ def test_a_kidnapped_robot_may_lose_five_points(homes, verdict):
     assert judges.kidnapped(trials(8, homes))[0] == verdict
 
 
-@pytest.mark.parametrize(
-    ("judge", "part"), [(judges.one_snapshot, "three snapshots"), (judges.falling_cost, "constant cost")]
-)
+@pytest.mark.parametrize(("judge", "part"), [(judges.falling_cost, "constant cost")])
 @pytest.mark.parametrize(("factor", "verdict"), [(2, "reproduced"), (0.5, "not reproduced"), (1, "not shown")])
 def test_a_part_helps_if_it_takes_more_steps_without_it(judge, part, factor, verdict):
     assert judge(table(PARTS | {part: LEARNS * factor}))[0] == verdict
@@ -152,12 +150,6 @@ def test_good_episodes_begin_where_the_mean_first_comes_near_the_last_ones(good_
     of = table({"form 2": np.where(np.arange(1, 21) < good_from, 200, 40)})
     assert claims.first_good(of).value == good_from
     assert judges.around_the_ninth(of)[0] == verdict
-
-
-def test_what_the_earlier_model_needed_cannot_be_judged():
-    of = table({"form 2": LEARNS})
-    assert judges.tens_of_episodes(of, table(PARTS))[0] == "not testable here"
-    assert judges.tens_of_episodes(of, table(PARTS | {"default": 50}))[0] == "not reproduced"
 
 
 def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():

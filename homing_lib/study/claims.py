@@ -165,9 +165,9 @@ def compare_at_best(ours: Array, theirs: Array, family: int = 1) -> Comparison:
     return Comparison(*(ratio_at_best(ours, theirs, rng, statistic, family) for statistic in (iqm, np.mean)))
 
 
-def of_steps(of: Any, ours: str, theirs: str) -> Comparison:
+def of_steps(of: Any, ours: str, theirs: str, family: int = 1) -> Comparison:
     """Late steps of one condition as a multiple of another's."""
-    return compare(late(of, ours), late(of, theirs))
+    return compare(late(of, ours), late(of, theirs), family)
 
 
 def of_change(of: Any, ours: str, theirs: str) -> Interval:

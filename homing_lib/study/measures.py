@@ -56,7 +56,7 @@ def summary_table(result: Run) -> Columns:
     last WINDOW that did not reach home; sum of the weights' `change`; mean `lambda`; shares of the steps: `clipped`,
     `at_wall`, `band` (psi_lower <= NRB < psi_upper); `band_stay`: longest stay there, in steps; `diverged`.
     """
-    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier)
+    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier, result.settings.band)
     home = np.pad(result.reached, (0, len(steps) - len(result.reached)))
     nrb = result.column("similarity")
     band = (nrb >= psi.lower) & (nrb < psi.upper)
@@ -116,6 +116,34 @@ def trials(settings: Settings, seed: int) -> Columns:
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
 
+def abductions(settings: Settings, seed: int) -> Columns:
+    """After learning, at 40 random free poses: an episode that starts there, and one in which the robot is carried
+    there after eight steps from the usual start.
+
+    One row per pose, `x`, `y` (m), `heading` (rad): steps from there, `begun` and `carried`, at most TRIAL_STEPS, and
+    whether home was reached, `begun_home` and `carried_home`. A run that diverged: one row without numbers.
+    """
+    rows: list[tuple[float, ...]] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        rng, settled = np.random.default_rng([seed, 4]), Settled(agent)
+        worlds = [
+            HomingEnv(settings.with_changes(max_steps=cap), observation="features", model=env.model)
+            for cap in (TRIAL_STEPS, TRIAL_STEPS + _KIDNAPPED_AT)
+        ]
+        with worlds[0] as usual, worlds[1] as longer:
+            for world in worlds:
+                world.reset(seed=seed)
+            for pose in (free_pose(env.world, env.room, rng) for _ in range(40)):
+                begun, begun_home = run_episode(usual, settled, {"start": pose})
+                carried, carried_home = run_episode(Kidnapped(longer, _KIDNAPPED_AT, pose), settled)
+                rows.append((*pose, len(begun), begun_home, len(carried) - _KIDNAPPED_AT, carried_home))
+
+    names = ("x", "y", "heading", "begun", "begun_home", "carried", "carried_home")
+    run(settings, seed, afterwards=afterwards)
+    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+
 class Settled(RandomAgent):
     """A trained agent that only drives: its last exploration, its weights as they are."""
 
@@ -169,22 +197,23 @@ def views(settings: Settings, seed: int) -> Columns:
 
 
 def shortest(settings: Settings, seed: int) -> Columns:
-    """The least number of steps from the start to a view that ends an episode, under the same actions.
+    """`fewest_steps` from the room's start, under the same actions."""
+    found: list[float] = []
+    now = settings.with_changes(episodes=1, controller="random")
+    run(now, seed, afterwards=lambda env, agent: found.append(fewest_steps(env)))
+    return {"steps": np.array(found)}
+
+
+def fewest_steps(env: HomingEnv, start: Pose | None = None) -> float:
+    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
 
     Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
     the cells hide. Moves that a wall stops are left out.
     """
-    found: list[float] = []
-    now = settings.with_changes(episodes=1, controller="random")
-    run(now, seed, afterwards=lambda env, agent: found.append(_search(env)))
-    return {"steps": np.array(found)}
-
-
-def _search(env: HomingEnv) -> float:
     s, model = env.settings, env.model
     assert model is not None
     upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [env.room.start], set()
+    frontier, seen = [start or env.room.start], set()
     for steps in range(1, s.max_steps + 1):
         reached = []
         for pose, (left, right) in product(frontier, s.wheel_commands_m):

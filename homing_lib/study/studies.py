@@ -250,7 +250,7 @@ _LISTED.append(finalists)
 
 def in_order() -> Iterator[Study]:
     """All studies: those here, of which the last needs the table of the one before it, then the others."""
-    from homing_lib.study import mechanism, opponents, readings  # noqa: F401, which list theirs when imported
+    from homing_lib.study import judges, mechanism, opponents, readings  # noqa: F401, which list theirs when imported
 
     return (each() for each in _LISTED)
 
@@ -274,8 +274,8 @@ def page() -> str:
 
 def _conditions(of: Study) -> str:
     """The conditions of a study as a table; more than twenty as the values that each setting takes."""
-    default = Settings().model_dump()
-    every = [settings.model_dump() for settings in of.conditions.values()]
+    default = dict(Settings())
+    every = [dict(settings) for settings in of.conditions.values()]
     taken = {name: sorted({values[name] for values in every}) for name in default}
     shared = [f"`{name} = {one}`" for name, (one, *more) in taken.items() if not more and one != default[name]]
     varied = {name: values for name, values in taken.items() if len(values) > 1}
