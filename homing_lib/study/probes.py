@@ -1,6 +1,7 @@
 """What is kept of a robot put down somewhere, of the views about home, and of where a run's updates point."""
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from math import cos, pi, sin
 from typing import Any
 
@@ -20,7 +21,7 @@ from homing_lib.td import beta
 # --- Put down somewhere ----------------------------------------------------------------------------------------------
 
 SHARES = (0.0, 0.3, 0.5, 0.7)
-"""Shares of a trial's steps at which a trained robot climbs, among which `searched` looks; 0: it drives as it learnt."""
+"""Shares of a trial's steps at which a trained robot climbs, which `searched` tries; 0: it drives as it learnt."""
 
 USUAL = 10  # trials from the room's own start
 
@@ -54,7 +55,7 @@ class Guided(RandomAgent):
         return self._action
 
 
-CLIMBING = 0.5
+CLIMBING = 0.7
 """The share at which a robot climbs that is to come home from anywhere: `opponents.chosen`, on seeds of the search."""
 
 
@@ -232,16 +233,12 @@ def directions(settings: Settings, seed: int) -> Columns:
     result = run(settings, seed, lambda_rule=watched)
     which = 0 if settings.update == "all" else 1
     asked, rows = iter(watched.asked), []
-    assert (
-        result.diverged or len(watched.asked) == (result.lengths - 1).sum()
-    )  # a rule undefined somewhere is not asked
+    # A rule that is undefined somewhere would be out of step with the episodes.
+    assert result.diverged or len(watched.asked) == (result.lengths - 1).sum()
     for length, end in zip(result.lengths, result.ended, strict=True):
         clipped = np.logical_or.accumulate(result.column("clipped")[end - length : end] > 0)
-        steps = [
-            (True, True),
-            *((one[which], one[2 + which]) for one, _ in zip(asked, range(length - 1), strict=False)),
-        ]
-        strict, restarted = np.array(steps).T
+        later = ((one[which], one[2 + which]) for one in islice(asked, int(length) - 1))
+        strict, restarted = np.array([(True, True), *later]).T
         until = np.logical_and.accumulate(strict).sum()
         rows.append((length, (~clipped).sum(), until, strict.sum(), restarted.sum()))
     return _columns(("steps", "unclipped", "until", "follows", "restarted"), rows)
