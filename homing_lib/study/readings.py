@@ -17,7 +17,7 @@ from homing_lib.study.claims import Comparison, Judged, claim, compare, first_go
 from homing_lib.study.claims import late as late_by_episode
 from homing_lib.study.measures import episodes, summary
 from homing_lib.study.runs import episodes_of
-from homing_lib.study.statistics import Interval, knife_edge
+from homing_lib.study.statistics import MARGIN, Interval, knife_edge
 from homing_lib.study.studies import FRESH, study
 from homing_lib.thresholds import stopping_thresholds
 
@@ -120,7 +120,9 @@ def against(of: Any, ours: str, theirs: str, family: int, name: str = "late") ->
 
 
 def _told(label: str, found: Comparison) -> str:
-    return f"{label}, {found:.2f} ({found.word}{knife_edge(*found, margins=(0.8, 1, 1.25))})"
+    decided = found.word in ("better", "worse")
+    edge = knife_edge(*found, margins=(1,) if decided else (1 / MARGIN, 1, MARGIN))
+    return f"{label}, {found:.2f}, {found.word}{edge}"
 
 
 @claim("Q10", "does the reward matter?", REWARD, REWARD_LONG)
@@ -189,7 +191,7 @@ def band_is_exploited(of: Any) -> Judged:
         "yes" if printed else "partly" if more else "no" if words <= {"better", "comparable"} else "not shown",
         f"With the printed band {share.mean():.2%} of the steps of 20 episodes lie in it, the longest stay "
         f"{stay.max():.0f}. Steps there, paid as a multiple of unpaid: "
-        + "; ".join(f"band {band:g}, {length} episodes, {found[band, length]:.2f}" for band, length in cases)
+        + "; ".join(_told(f"band {band:g}, {length} episodes", found[band, length]) for band, length in cases)
         + ".",
     )
 
