@@ -262,14 +262,14 @@ def plane(home, **changes):
 
 
 def test_straight_ahead_the_shortest_way_is_the_distance_by_the_step():
-    assert measures._search(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
-    assert measures._search(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
+    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
+    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
 
 
 def test_an_about_turn_takes_the_angle_by_the_turn_and_no_way_takes_more_than_the_cap():
     away = plane(lambda pose: abs(pose.heading) > pi - 0.01, turn_deg=20.0)
-    assert measures._search(away) == 9
-    assert np.isnan(measures._search(plane(lambda pose: False, max_steps=4)))
+    assert measures.fewest_steps(away) == 9
+    assert np.isnan(measures.fewest_steps(plane(lambda pose: False, max_steps=4)))
 
 
 def test_a_wall_is_not_driven_through():
@@ -277,10 +277,10 @@ def test_a_wall_is_not_driven_through():
         return pose.x >= 0.40
 
     around = plane(behind, forward_m=0.04, turn_deg=30.0, turn_advance_m=0.03)
-    straight = measures._search(around)
+    straight = measures.fewest_steps(around)
     around.world.clearance = lambda x, y: max(abs(x - 0.31) - 0.005, abs(y - 0.51) - 0.1)
     assert straight == 5
-    assert 5 < measures._search(around) < 20
+    assert 5 < measures.fewest_steps(around) < 20
 
 
 @pytest.fixture(scope="module")

@@ -197,22 +197,23 @@ def views(settings: Settings, seed: int) -> Columns:
 
 
 def shortest(settings: Settings, seed: int) -> Columns:
-    """The least number of steps from the start to a view that ends an episode, under the same actions.
+    """`fewest_steps` from the room's start, under the same actions."""
+    found: list[float] = []
+    now = settings.with_changes(episodes=1, controller="random")
+    run(now, seed, afterwards=lambda env, agent: found.append(fewest_steps(env)))
+    return {"steps": np.array(found)}
+
+
+def fewest_steps(env: HomingEnv, start: Pose | None = None) -> float:
+    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
 
     Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
     the cells hide. Moves that a wall stops are left out.
     """
-    found: list[float] = []
-    now = settings.with_changes(episodes=1, controller="random")
-    run(now, seed, afterwards=lambda env, agent: found.append(_search(env)))
-    return {"steps": np.array(found)}
-
-
-def _search(env: HomingEnv) -> float:
     s, model = env.settings, env.model
     assert model is not None
     upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [env.room.start], set()
+    frontier, seen = [start or env.room.start], set()
     for steps in range(1, s.max_steps + 1):
         reached = []
         for pose, (left, right) in product(frontier, s.wheel_commands_m):
