@@ -61,8 +61,9 @@ def test_whether_the_reward_matters_is_not_shown_by_robots_that_differ_too_much(
     ],
 )
 def test_the_initial_value_carries_the_learning_if_it_suffices_and_nothing_else_does(without_reward, empty, verdict):
-    initial = table({"as is, bootstrapped, theta_0 0": empty})
-    assert readings.initial_value_carries(of_rewards(zero=without_reward), initial)[0] == verdict
+    initial = table({f"as is, {home}, theta_0 0": empty for home in ("bootstrapped", "bonus")})
+    long = table({"as is, bonus, theta_0 0": empty, "as is, bonus": 40})
+    assert readings.initial_value_carries(of_rewards(zero=without_reward), initial, long)[0] == verdict
 
 
 @pytest.mark.parametrize(
