@@ -398,6 +398,7 @@ def straightness(change: Array, first_episode: float) -> tuple[float, float, Int
 
 
 def _correlation(rows: Array, x: Array) -> Array:
-    """Of each row with x."""
+    """Of each row with x; of a row that does not vary, 0."""
     centred, x = rows - rows.mean(axis=1, keepdims=True), x - x.mean()
-    return np.asarray(centred @ x / np.sqrt((centred**2).sum(axis=1) * (x @ x)))
+    spread = np.sqrt((centred**2).sum(axis=1) * (x @ x))
+    return np.asarray(np.divide(centred @ x, spread, out=np.zeros(len(rows)), where=spread > 0))
