@@ -38,8 +38,8 @@ SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .PHONY: all test data verify notebooks quick paper bench class compact lock clean help FORCE
 
-all: .build/verified paper/report.pdf
-	@$(HOMING) summary
+all: .build/summary paper/report.pdf
+	@cat $<
 	@echo "Report: paper/report.pdf"
 
 
@@ -82,6 +82,10 @@ class: .build/class/.ready
 
 .build/verified: .build/data $(LIBRARY) $(if $(filter verify,$(MAKECMDGOALS)),FORCE)
 	$(HOMING) verify | tee $@.part
+	@mv $@.part $@
+
+.build/summary: .build/verified .build/data $(LIBRARY)
+	$(HOMING) summary > $@.part
 	@mv $@.part $@
 
 
