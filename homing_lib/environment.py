@@ -74,20 +74,20 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
 
     less `wall_penalty` in a step `at_wall` (V.A). `step_cost` and `approach_reward` change the first and drop the
-    second part.
+    second part; `reward_scale` multiplies the whole. Home itself pays `terminal_bonus`, by default nothing.
 
     ## Starting state
 
     `start`: any pose (x, y, heading) in metres and radians, anticlockwise from the x axis; "uniform", drawn anew for
-    each episode from all free poses; or by default the room's. `reset(options={"start": ...})` overrides it for one
-    episode. A start may resemble home: the first step is driven all the same.
+    each episode from all free poses; or by default as the setting `start` says, the room's. A start may resemble home:
+    the first step is driven all the same. `reset(options={"start": ...})` overrides it for one episode.
 
     ## Episode end
 
-    | flag         | when                                                                        |
-    |--------------|-----------------------------------------------------------------------------|
-    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)); psi_lower: one less (19)  |
-    | `truncated`  | after `max_steps` steps without that                                        |
+    | flag         | when                                                                          |
+    |--------------|-------------------------------------------------------------------------------|
+    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)); psi_lower: `band` less (19) |
+    | `truncated`  | after `max_steps` steps without that                                          |
 
     ## Info
 
@@ -157,7 +157,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
         self.render_mode, self.model = render_mode, model
         self._sees_images, self._survey_seed = observation == "image", survey_seed
-        self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier)
+        self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier, settings.band)
         self._top_view: Image | None = None
         self._under_way = self._closed = False
 
@@ -175,7 +175,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self.world = self._atlas = open_one(self.room, settings)
         try:
             self.home = self._free("home", self.room.home if home is None else home)
-            self._start = self._start_pose(self.room.start if start is None else start)
+            usual = "uniform" if settings.start == "uniform" else self.room.start
+            self._start = self._start_pose(usual if start is None else start)
         except UserError:
             self.close()
             raise
@@ -210,8 +211,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         driven, at_wall = self._robot.act(int(action), self.np_random)
         before, (observation, nrb) = self._similarity, self._look()
         self._similarity = nrb
-        gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings)
         terminated = nrb >= self._psi_upper
+        gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings, home=terminated)
         truncated = not terminated and self._steps >= self.settings.max_steps
         if self.render_mode is not None:
             self._path.append(self._robot.pose[:2])
@@ -312,13 +313,25 @@ def draw(
 
 
 def reward(
-    step: int, similarity: float, similarity_before: float, psi_lower: float, at_wall: bool, settings: Settings
+    step: int,
+    similarity: float,
+    similarity_before: float,
+    psi_lower: float,
+    at_wall: bool,
+    settings: Settings,
+    *,
+    home: bool = False,
 ) -> float:
-    """Eq. (16): -1/t, plus 2 NRB_t - NRB_(t-1) while both reach psi_lower; less the penalty at a wall (V.A)."""
+    """Eq. (16): -1/t, plus 2 NRB_t - NRB_(t-1) while both reach psi_lower; less the penalty at a wall (V.A).
+
+    Scaled; and where the step ends at home, the bonus.
+    """
     gain = -1 / step if settings.step_cost == "1/t" else -CONSTANT_COST
     if settings.approach_reward and similarity >= psi_lower and similarity_before >= psi_lower:
         gain += 2 * similarity - similarity_before
-    return gain - settings.wall_penalty if at_wall else gain
+    if at_wall:
+        gain -= settings.wall_penalty
+    return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
 
 
 def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> HomeModel:

@@ -92,6 +92,51 @@ def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Arra
     return _ratio(along_phi, discount * delta_prev * dot(phi_prev, phi_prev))
 
 
+# --- What form 2 is made of: its sign, its size, and each without the other ------------------------------------------
+
+
+@named("gate")
+def gate(*, delta: float, delta_prev: float, **_: Any) -> float:
+    """Form 2's sign alone: 1, the whole trace, while the TD error keeps its sign, else 0. An error of 0 has none."""
+    return float(min(delta, delta_prev) > 0 or max(delta, delta_prev) < 0)
+
+
+@named("gate:0.7")
+def gate_of_a_part(**step: Any) -> float:
+    """The same with .7 of the trace: a fixed lambda that is cut where the TD error changes its sign."""
+    return 0.7 * gate(**step)
+
+
+@named("gate:opposite")
+def gate_opposite(*, delta: float, delta_prev: float, **_: Any) -> float:
+    """The gate the wrong way round: 1 where the TD error changes its sign, else 0."""
+    return gate(delta=-delta, delta_prev=delta_prev)
+
+
+@named("inverse")
+def inverse(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any) -> float:
+    """Form 2's ratio upside down: the same sign, and a size that falls where form 2's grows. phi, phi_prev: (n,)."""
+    return _ratio(discount * delta_prev * dot(phi_prev, phi_prev), delta * dot(phi, phi))
+
+
+@named("absolute")
+def absolute(**step: Any) -> float:
+    """Form 2's size without its sign."""
+    return abs(fletcher_reeves(**step))
+
+
+@named("fletcher-reeves:negated")
+def fletcher_reeves_negated(**step: Any) -> float:
+    """Form 2 with the other sign."""
+    return -fletcher_reeves(**step)
+
+
+@named("polak-ribiere:negated")
+def polak_ribiere_negated(**step: Any) -> float:
+    """Form 3 with the other sign."""
+    return -polak_ribiere(**step)
+
+
 def _ratio(numerator: float, denominator: float) -> float:
     """Their quotient as a plain float. ArithmeticError where there is none: x/0, or beyond the floating-point range."""
     ratio = float(numerator) / float(denominator)

@@ -164,7 +164,81 @@ ATTIC = Room(
 )
 """A longer and narrower room with other surfaces and another home."""
 
-ROOMS = {room.name: room for room in (PAPER, DIVIDED, ATTIC)}
+HALL = Room(
+    name="hall",
+    size=(1.60, 1.20),
+    home=Pose(0.81, 0.33, -pi / 2),
+    start=Pose(0.81, 0.93, pi / 2),
+    floor=Texture((0.55, 0.52, 0.48), contrast=0.12, grain=0.20, patches=8),
+    walls={
+        "east": Texture((0.60, 0.58, 0.50), contrast=0.15),
+        "north": Texture((0.45, 0.52, 0.60), contrast=0.15),
+        "west": Texture((0.58, 0.45, 0.46), contrast=0.15),
+        "south": Texture((0.48, 0.58, 0.45), contrast=0.15),
+    },
+    objects=(
+        Box("cupboard", x=0.80, y=0.04, size=(0.40, 0.08, 0.30), texture=Texture((0.40, 0.30, 0.25), contrast=0.20)),
+        Cone("hat", x=0.88, y=0.14, radius=0.035, height=0.10, texture=Texture((0.25, 0.30, 0.35))),
+        Ball("melon", x=0.72, y=0.14, radius=0.040, texture=Texture((0.35, 0.60, 0.25))),
+    ),
+    pictures=(
+        Picture("east", 0.60, 0.25, (0.40, 0.30), Texture((0.70, 0.55, 0.35), contrast=0.30)),
+        Picture("north", 0.50, 0.22, (0.30, 0.24), Texture((0.35, 0.40, 0.65), contrast=0.30)),
+    ),
+    home_objects=("cupboard", "hat", "melon"),
+    texture_seed=11,
+)
+"""Larger, paler and emptier: little tells one view from another."""
+
+CELL = Room(
+    name="cell",
+    size=(0.80, 0.70),
+    home=Pose(0.30, 0.35, pi),
+    start=Pose(0.55, 0.35, 0.0),
+    floor=Texture((0.30, 0.30, 0.35), contrast=0.45, grain=0.25, patches=5),
+    walls={
+        "east": Texture((0.85, 0.55, 0.25), contrast=0.50),
+        "north": Texture((0.35, 0.25, 0.60), contrast=0.50),
+        "west": Texture((0.65, 0.75, 0.70), contrast=0.50),
+        "south": Texture((0.70, 0.25, 0.45), contrast=0.50),
+    },
+    objects=(
+        Box("stove", x=0.04, y=0.35, size=(0.08, 0.26, 0.24), texture=Texture((0.20, 0.20, 0.22), contrast=0.30)),
+        Cone("kettle", x=0.13, y=0.43, radius=0.030, height=0.10, texture=Texture((0.75, 0.70, 0.30))),
+        Ball("pot", x=0.13, y=0.27, radius=0.030, texture=Texture((0.85, 0.30, 0.20))),
+    ),
+    home_objects=("stove", "kettle", "pot"),
+    texture_seed=23,
+)
+"""Small, bare and boldly patterned."""
+
+WORKSHOP = Room(
+    name="workshop",
+    size=(1.30, 1.30),
+    home=Pose(0.97, 0.97, pi / 4),
+    start=Pose(0.45, 0.45, -0.75 * pi),
+    floor=Texture((0.42, 0.44, 0.40), contrast=0.30, grain=0.15, patches=7),
+    walls={
+        "east": Texture((0.35, 0.55, 0.60), contrast=0.30),
+        "north": Texture((0.75, 0.65, 0.35), contrast=0.40),
+        "west": Texture((0.40, 0.35, 0.55), contrast=0.30),
+        "south": Texture((0.65, 0.40, 0.35), contrast=0.40),
+    },
+    objects=(
+        Box("lathe", x=1.20, y=1.20, size=(0.16, 0.16, 0.30), texture=Texture((0.25, 0.45, 0.30), contrast=0.40)),
+        Cone("bucket", x=1.08, y=1.20, radius=0.035, height=0.12, texture=Texture((0.80, 0.30, 0.25))),
+        Ball("drum", x=1.20, y=1.08, radius=0.035, texture=Texture((0.85, 0.80, 0.30))),
+        Box("pillar", x=0.35, y=0.95, size=(0.12, 0.12, 0.50), texture=Texture((0.60, 0.60, 0.65), contrast=0.20)),
+        Cone("heap", x=0.95, y=0.35, radius=0.080, height=0.20, texture=Texture((0.55, 0.40, 0.25))),
+        Ball("buoy", x=0.72, y=0.62, radius=0.050, texture=Texture((0.80, 0.35, 0.60))),
+    ),
+    pictures=(Picture("west", 0.40, 0.22, (0.30, 0.24), Texture((0.80, 0.75, 0.45), contrast=0.50)),),
+    home_objects=("lathe", "bucket", "drum"),
+    texture_seed=31,
+)
+"""Square and cluttered, with home in a corner."""
+
+ROOMS = {room.name: room for room in (PAPER, DIVIDED, ATTIC, HALL, CELL, WORKSHOP)}
 
 
 def room_named(name: str) -> Room:

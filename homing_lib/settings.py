@@ -5,12 +5,13 @@ paper is silent. `printed` in a field's extra is what the paper prints, where th
 """
 
 import hashlib
+from collections.abc import Callable
 from functools import partial
 from math import radians
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_serializer, model_validator
 
 from homing_lib import lambdas
 from homing_lib.errors import UserError
@@ -30,6 +31,13 @@ def _field(default: Any, description: str, printed: str | None = None, scope: st
 _view = partial(_field, scope="view")  # what is seen, felt and touched at a pose depends on it
 _lattice = partial(_field, scope="lattice")  # where an atlas has its poses
 _survey = partial(_field, scope="survey")  # beyond these, what the robot knows of home before it learns
+
+
+def _added(default: Any, description: str, **bounds: Any) -> Any:
+    """A field that came after runs had been stored: it is written only where it is not its default, so that they keep
+    their names."""
+    extra: dict[str, Any] = {"printed": None, "scope": "", "added": True}
+    return Field(default, description=description, json_schema_extra=extra, **bounds)
 
 
 class Settings(BaseModel):
@@ -98,6 +106,13 @@ class Settings(BaseModel):
         0.1, "V.A, declared and calibrated: charged a step at a wall; the paper says only: high", ge=0
     )
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
+    reward_scale: float = _added(
+        1.0, "Declared: factor of the whole reward, penalty included; 0 leaves none, -1 turns it round"
+    )
+    terminal_bonus: float = _added(0.0, "Declared: paid on reaching home, unscaled; the paper pays none")
+    band: float = _added(
+        1.0, "Section III.H: by how much the multiplier of psi_lower is less than psi_upper's; others widen it", gt=0
+    )
 
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _survey(
@@ -140,6 +155,9 @@ class Settings(BaseModel):
 
     # --- Experiment ------------------------------------------------------------------------------------------------
     room: str = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    start: Literal["room", "uniform"] = _added(
+        "room", "Section IV: each episode begins at the room's start, or at a pose drawn anew from all free ones"
+    )
     controller: Literal["sarsa", "random", "climb"] = _field(
         "sarsa", "Fig. 2, or what it is measured against: random actions, or a climb up the similarity", "sarsa"
     )
@@ -159,7 +177,13 @@ class Settings(BaseModel):
             raise ValueError(f"clear_way_m = {self.clear_way_m}: {bound}")
         if 360 % self.atlas_heading_deg:
             raise ValueError(f"atlas_heading_deg = {self.atlas_heading_deg}: must divide 360")
+        if self.band >= self.multiplier:
+            raise ValueError(f"band = {self.band:g}: must be less than multiplier = {self.multiplier:g}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_added_defaults(self, whole: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {name: value for name, value in whole(self).items() if value != _LEFT_OUT.get(name)}
 
     @property
     def first_episode(self) -> float:
@@ -185,8 +209,7 @@ class Settings(BaseModel):
 
     def of_scope(self, *scopes: str) -> dict[str, Any]:
         """The fields tagged "view", "lattice" or "survey", by name."""
-        tags: dict[str, Any] = {name: field.json_schema_extra for name, field in type(self).model_fields.items()}
-        return {name: getattr(self, name) for name in tags if tags[name]["scope"] in scopes}
+        return {name: getattr(self, name) for name, extra in _EXTRAS.items() if extra["scope"] in scopes}
 
     def with_changes(self, **changes: Any) -> "Settings":
         """A validated copy with some fields changed."""
@@ -196,6 +219,10 @@ class Settings(BaseModel):
     def digest(self) -> str:
         """A short name of these settings: twelve hexadecimal digits of a hash over all fields."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:12]
+
+
+_EXTRAS: dict[str, Any] = {name: field.json_schema_extra for name, field in Settings.model_fields.items()}
+_LEFT_OUT = {name: Settings.model_fields[name].default for name, extra in _EXTRAS.items() if "added" in extra}
 
 
 def _one_line(problem: Any) -> str:

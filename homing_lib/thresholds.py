@@ -21,12 +21,12 @@ def square_root(multiplier: float) -> float:
     return 1 - 1 / (pi * sqrt(_positive(multiplier)))
 
 
-def stopping_thresholds(multiplier: float) -> Thresholds:
-    """Eq. (19): upper from `multiplier`, lower from `multiplier - 1`. The paper's 12 gives .9081 and .9040.
+def stopping_thresholds(multiplier: float, band: float = 1.0) -> Thresholds:
+    """Eq. (19): upper from `multiplier`, lower from `multiplier - band`. The paper's 12 and 1 give .9081 and .9040.
 
     Table I prints the two in the opposite order; eq. (19) and section III.D fix which is which.
     """
-    return Thresholds(upper=square_root(multiplier), lower=square_root(multiplier - 1))
+    return Thresholds(upper=square_root(multiplier), lower=square_root(multiplier - band))
 
 
 def _positive(multiplier: float) -> float:

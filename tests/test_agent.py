@@ -85,6 +85,10 @@ def test_runs_that_share_a_survey_would_each_have_made_the_same(arena):
         approach_reward=False,
         wall_penalty=5,
         learn_at_walls=False,
+        reward_scale=-1,
+        terminal_bonus=5,
+        band=2,
+        start="uniform",
         controller="random",
         max_steps=3,
     )

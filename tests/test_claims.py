@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homing_lib.study import claims, studies
+from homing_lib.study import claims, judges, studies
 from homing_lib.study.claims import CLAIMS, Finding
 
 SEEDS = 10
@@ -56,12 +56,12 @@ ALIKE = {rule: LEARNS for rule in studies.RULES}
 )
 def test_a_conjugate_lambda_must_do_as_well_as_every_fixed_one(others, verdict):
     of = {rule: LEARNS if rule == "form 2" else others for rule in studies.RULES}
-    assert claims.conjugate_lambda(table(of), by_step_size(of))[0] == verdict
+    assert judges.conjugate_lambda(table(of), by_step_size(of))[0] == verdict
 
 
 def test_a_conjugate_lambda_that_does_as_well_as_some_is_partly_reproduced():
     of = ALIKE | {"fixed 0.5": LEARNS / 2}
-    verdict, effect = claims.conjugate_lambda(table(of), by_step_size(of))
+    verdict, effect = judges.conjugate_lambda(table(of), by_step_size(of))
     assert verdict == "partly reproduced"
     assert "of 7 fixed values: steps: 6; parameter change: 6; steps, each at its best step size: 6." in effect
     assert "Against the fixed one of the least mean, fixed 0.5," in effect
@@ -93,25 +93,23 @@ def test_each_rule_is_taken_at_the_step_size_that_suits_it():
     ],
 )
 def test_convergence_is_fewer_steps_than_at_first_and_hardly_fewer_later(twenty, two_hundred, verdict):
-    assert claims.within_twenty_episodes(table({"learnt": twenty}), table({"form 2": two_hundred}))[0] == verdict
+    assert judges.within_twenty_episodes(table({"learnt": twenty}), table({"form 2": two_hundred}))[0] == verdict
 
 
 @pytest.mark.parametrize(("homes", "verdict"), [(10, "reproduced"), (7, "partly reproduced"), (1, "not reproduced")])
 def test_almost_anywhere_is_95_per_cent_and_partly_is_more_than_half(homes, verdict):
     chance = table({"random": np.r_[np.full(10, 100), np.full(10, 1000)]})
-    found, effect = claims.from_almost_anywhere(trials(homes), chance)
+    found, effect = judges.from_almost_anywhere(trials(homes), chance)
     assert found == verdict
     assert "random actions, from the usual start alone, which is a hard one, 50.0" in effect
 
 
 @pytest.mark.parametrize(("homes", "verdict"), [(8, "reproduced"), (6, "not reproduced")])
 def test_a_kidnapped_robot_may_lose_five_points(homes, verdict):
-    assert claims.kidnapped(trials(8, homes))[0] == verdict
+    assert judges.kidnapped(trials(8, homes))[0] == verdict
 
 
-@pytest.mark.parametrize(
-    ("judge", "part"), [(claims.one_snapshot, "three snapshots"), (claims.falling_cost, "constant cost")]
-)
+@pytest.mark.parametrize(("judge", "part"), [(judges.falling_cost, "constant cost")])
 @pytest.mark.parametrize(("factor", "verdict"), [(2, "reproduced"), (0.5, "not reproduced"), (1, "not shown")])
 def test_a_part_helps_if_it_takes_more_steps_without_it(judge, part, factor, verdict):
     assert judge(table(PARTS | {part: LEARNS * factor}))[0] == verdict
@@ -125,12 +123,12 @@ def test_the_wall_penalty_and_learning_help_if_more_steps_are_spent_at_walls_wit
     of = table(PARTS)
     of.loc[of.condition == "no wall penalty", "at_wall"] = penalty
     of.loc[of.condition == "no learning at walls", "at_wall"] = learning
-    assert claims.wall_penalty(of)[0] == verdict
+    assert judges.wall_penalty(of)[0] == verdict
 
 
 def test_exploring_less_converges_if_the_end_is_better_than_the_beginning():
-    assert claims.less_and_less_exploration(table(PARTS))[0] == "reproduced"
-    assert claims.less_and_less_exploration(table(PARTS | {"default": 50}))[0] == "not reproduced"
+    assert judges.less_and_less_exploration(table(PARTS))[0] == "reproduced"
+    assert judges.less_and_less_exploration(table(PARTS | {"default": 50}))[0] == "not reproduced"
 
 
 @pytest.mark.parametrize(
@@ -144,39 +142,47 @@ def test_exploring_less_converges_if_the_end_is_better_than_the_beginning():
 def test_the_change_falls_exponentially_if_its_logarithm_is_a_straight_line(decay, verdict):
     of = table({"form 2": 50})
     of["change"] = decay(of.episode) * (1 + of.seed / 100)
-    assert claims.exponential_change(of)[0] == verdict
+    assert judges.exponential_change(of)[0] == verdict
 
 
 @pytest.mark.parametrize(("good_from", "verdict"), [(9, "reproduced"), (3, "not reproduced"), (14, "not reproduced")])
 def test_good_episodes_begin_where_the_mean_first_comes_near_the_last_ones(good_from, verdict):
     of = table({"form 2": np.where(np.arange(1, 21) < good_from, 200, 40)})
     assert claims.first_good(of).value == good_from
-    assert claims.around_the_ninth(of)[0] == verdict
-
-
-def test_what_the_earlier_model_needed_cannot_be_judged():
-    of = table({"form 2": LEARNS})
-    assert claims.tens_of_episodes(of, table(PARTS))[0] == "not testable here"
-    assert claims.tens_of_episodes(of, table(PARTS | {"default": 50}))[0] == "not reproduced"
+    assert judges.around_the_ninth(of)[0] == verdict
 
 
 def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
-    told = str(Finding(9, "not shown", "It differs by 1 [-2, 4]."))
+    told = str(Finding("C9", "not shown", "It differs by 1 [-2, 4]."))
     assert told == "**Claim C9**, a kidnapped robot recovers at once: **not shown**. It differs by 1 [-2, 4]."
-    rows = claims.table().splitlines()
-    assert len(rows) == 2 + len(CLAIMS)
-    assert rows[2].startswith(f"| C2 | {CLAIMS[2].text} | **{claims.judge(2).verdict}** | ")
+    of_the_paper = claims.names("C")
+    rows = claims.table(of_the_paper).splitlines()
+    assert len(rows) == 2 + len(of_the_paper)
+    assert f"| C2 | {CLAIMS['C2'].text} | **{claims.judge('C2').verdict}** | " in "\n".join(rows)
 
 
-def test_a_claim_is_added_by_its_judge_alone(monkeypatch):
-    monkeypatch.setitem(CLAIMS, 99, None)  # so that it goes again
+def test_a_claim_or_a_question_is_added_by_its_judge_alone(monkeypatch):
+    for name in ("C99", "Q99"):
+        monkeypatch.setitem(CLAIMS, name, None)  # so that it goes again
 
-    @claims.claim(99, "robots fly")
+    @claims.claim("C99", "robots fly")
     def flight():
         return "not shown", "None did."
 
-    assert claims.judge(99) == Finding(99, "not shown", "None did.")
-    assert claims.table([99]).splitlines()[-1] == "| C99 | robots fly | **not shown** | None did. |"
+    @claims.claim("Q99", "should they?")
+    def better_not():
+        return "no", "It is dangerous."
+
+    assert claims.judge("C99") == Finding("C99", "not shown", "None did.")
+    assert claims.table(["C99"]).splitlines()[-1] == "| C99 | robots fly | **not shown** | None did. |"
+    assert str(claims.judge("Q99")) == "**Question Q99**, should they?: **no**. It is dangerous."
+    assert claims.names()[-1] == "Q99"
+
+
+def test_names_are_in_the_order_of_their_numbers():
+    of_the_paper = claims.names("C")
+    assert of_the_paper == sorted(of_the_paper, key=lambda name: int(name[1:]))
+    assert claims.names() == of_the_paper + claims.names("Q")
 
 
 def test_a_lost_robot_leaves_a_comparison_open_that_the_typical_robot_would_decide():

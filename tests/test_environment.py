@@ -338,6 +338,11 @@ STEP = {"step": 4, "similarity": 0.95, "similarity_before": 0.92, "psi_lower": 0
         ({}, {"approach_reward": False}, -1 / 4),
         ({"similarity": 0.5, "step": 1}, {}, -1),
         ({"similarity": 0.5}, {"step_cost": "constant"}, -5.187377517639621 / 100),  # the 100th harmonic number
+        ({"at_wall": True}, {"wall_penalty": 3, "reward_scale": 0}, 0),
+        ({"at_wall": True}, {"wall_penalty": 3, "reward_scale": -1}, 1 / 4 - 2 * 0.95 + 0.92 + 3),
+        ({"home": True, "similarity_before": 0.5}, {"terminal_bonus": 7}, -1 / 4 + 7),
+        ({"home": True, "similarity_before": 0.5}, {"terminal_bonus": 7, "reward_scale": -1}, 1 / 4 + 7),
+        ({"similarity_before": 0.5}, {"terminal_bonus": 7}, -1 / 4),  # not at home yet
     ],
 )
 def test_the_reward_is_eq_16_less_the_wall_penalty(changes, settings, expected):
@@ -355,6 +360,33 @@ def test_rewards_of_an_episode_follow_from_what_info_reports(env):
     for t, ((before, after), (_, gain, *_)) in enumerate(zip(pairwise(infos), steps, strict=True), start=1):
         assert gain == reward(t, after["similarity"], before["similarity"], psi_lower, after["at_wall"], s)
     assert any(info["at_wall"] for info in infos)
+
+
+def test_the_bonus_is_paid_in_the_step_that_ends_at_home_and_in_no_other(home_model):
+    with HomingEnv(observation="features", model=home_model, start="uniform", terminal_bonus=50) as env:
+        _, *steps = drive(env, random_actions(2000), seed=1)
+    assert [gain > 40 for _, gain, *_ in steps] == [home for _, _, home, *_ in steps]
+    assert steps[-1][2]
+
+
+def test_a_wider_band_pays_for_views_that_eq_19_would_not(home_model):
+    gains = {}
+    for band in (1, 11):
+        with HomingEnv(observation="features", model=home_model, start="uniform", band=band) as env:
+            _, *steps = drive(env, random_actions(2000), seed=1)
+        gains[band] = np.array([gain for _, gain, *_ in steps])
+    assert (gains[11] >= gains[1]).all()
+    assert (gains[11] > 0).sum() > (gains[1] > 0).sum()
+
+
+def test_the_setting_start_draws_each_start_anew_unless_the_environment_is_told_one(home_model):
+    uniform = Settings(start="uniform")
+    with HomingEnv(uniform, observation="features", model=home_model) as env:
+        first, second = (env.reset(seed=seed)[1]["pose"] for seed in (1, 2))
+    assert first != second
+    assert env.room.start not in (first, second)
+    with HomingEnv(uniform, observation="features", model=home_model, start=(0.5, 0.4, 1.0)) as env:
+        assert env.reset(seed=1)[1]["pose"] == (0.5, 0.4, 1.0)
 
 
 def test_info_says_what_was_driven_and_what_will_be(env):

@@ -23,7 +23,7 @@ def step(**changes):
     return arguments | changes
 
 
-def test_the_forms_give_the_values_of_a_step_worked_by_hand_and_the_printed_sign_is_that_of_form_1_alone():
+def test_the_rules_give_the_values_of_a_step_worked_by_hand_and_the_printed_sign_is_that_of_form_1_alone():
     # delta phi - delta_prev phi_prev = (2, 2) - (8, 4) = (-6, -2)
     found = {name: rule(**step()) for name, rule in RULES.items()}
     assert found == pytest.approx(
@@ -32,8 +32,34 @@ def test_the_forms_give_the_values_of_a_step_worked_by_hand_and_the_printed_sign
             "hestenes-stiefel:printed": 8 / 7,
             "fletcher-reeves": 0.4,  # 2 * 2 / (.5 * 4 * 5)
             "polak-ribiere": -0.8,  # -8 / (.5 * 4 * 5)
+            "gate": 1,
+            "gate:0.7": 0.7,
+            "gate:opposite": 0,
+            "inverse": 2.5,
+            "absolute": 0.4,
+            "fletcher-reeves:negated": -0.4,
+            "polak-ribiere:negated": 0.8,
         }
     )
+
+
+@pytest.mark.parametrize(("delta", "delta_prev"), [(1.0, 2.0), (-1.0, -2.0), (5e-324, 5e-324)])
+def test_the_gate_is_open_while_the_error_keeps_its_sign_and_its_opposite_where_that_changes(delta, delta_prev):
+    kept, changed = (step(delta=delta, delta_prev=before) for before in (delta_prev, -delta_prev))
+    assert [RULES["gate"](**s) for s in (kept, changed)] == [1, 0]
+    assert [RULES["gate:0.7"](**s) for s in (kept, changed)] == [0.7, 0]
+    assert [RULES["gate:opposite"](**s) for s in (kept, changed)] == [0, 1]
+
+
+@pytest.mark.parametrize("changes", [{"delta": 0.0}, {"delta_prev": 0.0}])
+def test_no_gate_is_open_where_an_error_is_zero(changes):
+    assert [RULES[name](**step(**changes)) for name in ("gate", "gate:opposite")] == [0, 0]
+
+
+def test_upside_down_form_2_is_undefined_at_a_step_of_zero_error_and_without_its_sign_it_is_its_size():
+    with pytest.raises(ZeroDivisionError):
+        RULES["inverse"](**step(delta=0.0))
+    assert RULES["absolute"](**step(delta=-2.0)) == pytest.approx(0.4)
 
 
 ZERO = np.zeros(2)

@@ -10,7 +10,7 @@ from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.errors import UserError
 from homing_lib.publish import report
 from homing_lib.settings import Settings
-from homing_lib.study import claims
+from homing_lib.study import claims, errata
 
 ROOT = Path(__file__).parent.parent
 
@@ -109,5 +109,25 @@ def test_the_readme_states_the_result_of_the_stored_runs():
 
 def test_the_verdicts_name_every_judged_claim_once():
     named = re.findall(r"C\d+", report.verdicts())
-    assert sorted(named) == sorted(f"C{number}" for number in claims.CLAIMS)
-    assert f"Claims: {report.verdicts()}." in report.summary()
+    assert sorted(named) == sorted(claims.names("C"))
+    ends = report.summary().splitlines()[-len(claims.names()) :]
+    assert [line.split()[0] for line in ends] == claims.names()
+
+
+def test_claims_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copied():
+    told, slips = report.judged(), report.misprints()
+    assert len(told.split("\n\n")) == len(claims.names())
+    assert len(slips.split("\n\n")) == len(errata.ERRATA)
+    assert "*" not in told + slips
+    for proof in (proof for one in errata.ERRATA for proof in one.proofs if proof.startswith("tests/")):
+        assert proof in slips
+
+
+def test_the_tables_of_claims_and_errata_have_a_row_for_each():
+    macros = dict(re.findall(r"^\\newcommand{\\(\w+)}{(.*?)}$", report.latex(), re.MULTILINE | re.DOTALL))
+    assert macros["tableErrata"].count(r"\\") == len(errata.ERRATA)
+    assert macros["tableClaims"].count(r"\\") == len(claims.names("C"))
+    assert macros["tableQuestions"].count(r"\\") == len(claims.names("Q"))
+    outside = re.sub(r"\$[^$]*\$", "", macros["tableErrata"])
+    assert not re.search(r"(?<!\\)[_^#%]", outside)
+    assert outside.isascii()

@@ -64,6 +64,7 @@ def test_the_settings_of_table_1_are_the_printed_ones():
         ({"lambda_rule": "fixed:much"}, "setting lambda_rule = 'fixed:much': could not convert"),
         ({"alpha": 1}, "setting alpha: there is none of this name; `homing settings` lists them"),
         ({"clear_way_m": 0.06}, "settings: clear_way_m = 0.06: must not exceed infrared_range_m = 0.05"),
+        ({"band": 12}, "settings: band = 12: must be less than multiplier = 12"),
         ({"atlas_heading_deg": 7}, "settings: atlas_heading_deg = 7: must divide 360"),
     ],
 )
@@ -94,6 +95,20 @@ def test_the_digest_changes_with_each_setting(name):
     assert getattr(changed, name) != FIELDS[name].default
     assert changed.digest != Settings().digest
     assert re.fullmatch("[0-9a-f]{12}", changed.digest)
+
+
+ADDED = {"reward_scale", "terminal_bonus", "band", "start"}
+
+
+def test_settings_that_were_added_later_are_written_only_where_they_are_not_the_default():
+    assert Settings().digest == "425af15c1415"  # the name of every run stored before they were added
+    assert Settings().model_dump().keys() == FIELDS.keys() - ADDED
+    for name in ADDED:
+        changed = Settings().with_changes(**{name: other(name)})
+        assert changed.model_dump() == Settings().model_dump() | {name: other(name)}
+        assert Settings(**changed.model_dump()) == changed
+        assert Settings.model_validate_json(changed.model_dump_json()) == changed
+        assert changed.with_changes(alpha0=1).with_changes(**{name: FIELDS[name].default}) == Settings(alpha0=1)
 
 
 def test_a_change_back_gives_equal_settings_and_the_same_digest():

@@ -10,7 +10,18 @@ import pytest
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.settings import Settings
 from homing_lib.study.runs import by_episode, episodes_of
-from homing_lib.study.statistics import Interval, band, interval, iqm, judged, probability_of_improvement, ratio, side
+from homing_lib.study.statistics import (
+    Interval,
+    band,
+    interval,
+    iqm,
+    judged,
+    knife_edge,
+    probability_of_improvement,
+    ratio,
+    ratio_at_best,
+    side,
+)
 
 
 def run(lengths, episodes=3, diverged=0):
@@ -89,6 +100,57 @@ def test_a_paired_ratio_keeps_runs_together(rng):
     slow_and_fast = np.array([10.0, 100.0, 1000.0])
     paired = ratio(slow_and_fast / 2, slow_and_fast, rng)
     assert paired == pytest.approx((0.5, 0.5, 0.5))
+
+
+@pytest.mark.parametrize("statistic", [np.mean, iqm])
+def test_a_ratio_with_one_choice_is_the_plain_ratio(statistic, rng):
+    ours, theirs = rng.uniform(10, 30, (2, 60))
+    plain, chosen = ratio(ours, theirs, rng, statistic), ratio_at_best([ours], [theirs], rng, statistic)
+    assert chosen == pytest.approx(plain, abs=0.03)
+
+
+def test_each_side_has_its_best_row_and_ours_are_drawn_with_theirs(rng):
+    slow_and_fast = np.array([10.0, 100.0, 1000.0])
+    ours, theirs = [slow_and_fast * 7, slow_and_fast], [slow_and_fast * 4, slow_and_fast * 2, slow_and_fast * 3]
+    assert ratio_at_best(ours, theirs, rng) == pytest.approx((0.5, 0.5, 0.5))
+
+
+def test_one_half_of_the_runs_is_judged_at_the_row_that_the_other_half_chooses(rng):
+    """Runs 1 and 3 against 2 and 4: each pair's own best row is the other's worst."""
+    ours = [[1.0, 9.0, 1.0, 9.0], [9.0, 1.0, 9.0, 1.0]]
+    assert ratio_at_best(ours, np.ones((1, 4)), rng) == pytest.approx((9, 9, 9))
+
+
+def test_who_may_choose_among_many_alike_seems_no_better_for_it(rng):
+    """One row against twelve of the same chance: whoever judges the least by the runs that chose it is fooled."""
+    held, found, fooled = [], [], []
+    for _ in range(20):
+        ours, theirs = rng.exponential(100, (1, 30)), rng.exponential(100, (12, 30))
+        chosen = ratio_at_best(ours, theirs, rng)
+        held.append(side(chosen, 1) == "open")
+        found.append(np.log(chosen.value))
+        fooled.append(np.log(ours.mean() / theirs.mean(axis=1).min()))
+    assert sum(held) >= 18
+    assert abs(np.mean(found)) < 0.1
+    assert np.mean(fooled) > 0.2
+
+
+def test_intervals_of_a_family_are_as_wide_as_their_number_asks(rng):
+    """Of a normal mean: 1.96 standard errors to a side alone, 2.81 as one of ten (1 - .05/10)."""
+    sample = rng.standard_normal(400)
+    widths = [np.ptp(interval(sample, rng, family=family)[1:]) for family in (1, 10)]
+    assert widths[1] / widths[0] == pytest.approx(2.81 / 1.96, rel=0.06)
+    pair = [np.ptp(ratio(sample + 9, sample[::-1] + 9, rng, family=family)[1:]) for family in (1, 10)]
+    best = [np.ptp(ratio_at_best([sample + 9], [sample[::-1] + 9], rng, family=family)[1:]) for family in (1, 10)]
+    assert [pair[1] / pair[0], best[1] / best[0]] == pytest.approx([2.81 / 1.96] * 2, rel=0.06)
+
+
+def test_an_end_within_two_per_cent_of_a_margin_is_named_a_knife_edge():
+    assert knife_edge(Interval(0.8, 0.7, 0.979)) == ""
+    assert knife_edge(Interval(0.8, 0.7, 0.981)) == " (a knife edge at 1)"
+    assert knife_edge(Interval(0.8, 0.7, 0.9), Interval(1.1, 1.01, 1.2)) == " (a knife edge at 1)"
+    assert knife_edge(Interval(0.9, 0.79, 0.99), margins=(0.8, 1)) == " (a knife edge at 0.8 and 1)"
+    assert knife_edge(Interval(0.97, 0.96, 0.98), margins=(0.95,)) == " (a knife edge at 0.95)"
 
 
 def test_probability_of_improvement_counts_pairs_and_ties_half(rng):

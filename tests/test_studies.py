@@ -65,12 +65,11 @@ def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settin
 
 
 def test_calibration_and_its_finalists_use_seeds_below_100_none_twice_and_what_is_judged_none_below_1000():
-    searched = [studies.CALIBRATION, studies.finalists()]
-    seeds = [seed for study in searched for seed in study.seeds]
+    seeds = [seed for study in (studies.CALIBRATION, studies.finalists()) for seed in study.seeds]
     assert sorted(seeds) == list(range(100))
-    judged = [study for study in STUDIES if study not in searched]
-    assert len(judged) == len(STUDIES) - 2
-    assert all(min(study.seeds) >= 1000 for study in judged)
+    searched = {study.name: max(study.seeds) for study in STUDIES if min(study.seeds) < 1000}
+    assert set(searched) <= {"calibration", "finalists", "lambda-pool", "earlier-choice"}
+    assert all(seed < 100 for seed in searched.values())
     assert all(len(set(study.seeds)) == len(study.seeds) for study in STUDIES)
 
 
@@ -151,6 +150,42 @@ def test_a_run_that_diverged_in_its_first_episode_has_all_its_rows():
     assert all(np.isnan(table[name]).all() for name in EPISODE_COLUMNS if name not in ("episode", "diverged"))
 
 
+def test_a_run_in_one_row_is_what_one_works_out_by_hand():
+    nrb = np.array([0.5, 0.905, 0.906, 0.95, 0.907, 0.905, 0.9, 0.905, 0.1, 0.92])
+    steps = np.zeros((10, len(STEP_COLUMNS)))
+    steps[:, STEP_COLUMNS.index("similarity")] = nrb
+    steps[:, STEP_COLUMNS.index("change")] = 0.5
+    steps[:, STEP_COLUMNS.index("lambda")] = np.arange(10) / 10
+    steps[:2, STEP_COLUMNS.index("clipped")] = steps[:3, STEP_COLUMNS.index("at_wall")] = 1
+    reached = np.array([True, False, True, True, True, True])
+    result = Run(Settings(episodes=7, max_steps=50), 7, steps, np.array([4, 2, 1, 1, 1, 1]), reached, diverged=7)
+    row = measures.summary_table(result)
+    expected = {
+        "early": 9 / 5,  # 4, 2, 1, 1, 1
+        "late": (1 + 1 + 1 + 1 + 50) / 5,
+        "total": 60,
+        "lost": 1 / 5,
+        "change": 5,
+        "lambda": 0.45,
+        "clipped": 0.2,
+        "at_wall": 0.3,
+        "band": 0.5,
+        "band_stay": 2,
+        "diverged": 1,
+    }
+    assert {name: len(values) for name, values in row.items()} == dict.fromkeys(expected, 1)
+    for name, value in expected.items():
+        assert row[name][0] == pytest.approx(value), name
+
+
+def test_a_stay_in_the_band_ends_with_its_episode():
+    steps = np.zeros((4, len(STEP_COLUMNS)))
+    steps[:, STEP_COLUMNS.index("similarity")] = 0.905
+    for lengths, longest in (([4], 4), ([1, 3], 3), ([2, 2], 2)):
+        result = Run(Settings(), 0, steps, np.array(lengths), np.zeros(len(lengths), bool), diverged=len(lengths) + 1)
+        assert measures.summary_table(result)["band_stay"][0] == longest
+
+
 def test_a_kidnapped_robot_drives_the_stated_number_of_steps_undisturbed_and_the_next_from_elsewhere():
     elsewhere = Pose(0.6, 0.7, 1.0)
 
@@ -227,14 +262,14 @@ def plane(home, **changes):
 
 
 def test_straight_ahead_the_shortest_way_is_the_distance_by_the_step():
-    assert measures._search(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
-    assert measures._search(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
+    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
+    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
 
 
 def test_an_about_turn_takes_the_angle_by_the_turn_and_no_way_takes_more_than_the_cap():
     away = plane(lambda pose: abs(pose.heading) > pi - 0.01, turn_deg=20.0)
-    assert measures._search(away) == 9
-    assert np.isnan(measures._search(plane(lambda pose: False, max_steps=4)))
+    assert measures.fewest_steps(away) == 9
+    assert np.isnan(measures.fewest_steps(plane(lambda pose: False, max_steps=4)))
 
 
 def test_a_wall_is_not_driven_through():
@@ -242,10 +277,10 @@ def test_a_wall_is_not_driven_through():
         return pose.x >= 0.40
 
     around = plane(behind, forward_m=0.04, turn_deg=30.0, turn_advance_m=0.03)
-    straight = measures._search(around)
+    straight = measures.fewest_steps(around)
     around.world.clearance = lambda x, y: max(abs(x - 0.31) - 0.005, abs(y - 0.51) - 0.1)
     assert straight == 5
-    assert 5 < measures._search(around) < 20
+    assert 5 < measures.fewest_steps(around) < 20
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,10 @@ def test_the_published_multiplier_gives_the_upper_threshold_and_one_less_the_low
     assert (round(upper, 4), round(lower, 4)) == (0.9081, 0.9040)
 
 
+def test_a_wider_band_lowers_the_lower_threshold_alone():
+    assert stopping_thresholds(12, 8) == (square_root(12), square_root(4))
+
+
 @pytest.mark.parametrize(
     ("multiplier", "first", "second"),
     [

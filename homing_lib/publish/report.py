@@ -1,7 +1,8 @@
 """The numbers of the report, the README and the terminal, all computed from the stored runs. Nothing is typed."""
 
 import re
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import get_args
 
@@ -13,7 +14,7 @@ from homing_lib.robot import wrapped
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
-from homing_lib.study import claims, runs, studies
+from homing_lib.study import claims, errata, runs, studies
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode
 from homing_lib.study.statistics import interval, ratio
@@ -88,16 +89,33 @@ def summary() -> str:
         f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
         f"{h.of_random:.2f}. The end is {h.verdict} both.",
         f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
-        f"Claims: {verdicts()}.",
     ]
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())
+    lines.append("The paper's claims, and what was asked beyond them (`homing claims` says by how much):")
+    lines += [f"{one.name:<4}{one.verdict:<19}{one.claim}" for one in map(claims.judge, claims.names())]
     return "\n".join(lines)
+
+
+def judged() -> str:
+    """Every claim and question with its verdict and effect, a paragraph each, as plain text."""
+    return _paragraphs(claims.judge(name) for name in claims.names())
+
+
+def misprints() -> str:
+    """Every erratum with its reading, effect and proof, a paragraph each, as plain text."""
+    return _paragraphs(errata.ERRATA)
+
+
+def _paragraphs(of: Iterable[object]) -> str:
+    """Markdown as plain text of a terminal's width; names of tests are not broken."""
+    plain = (str(one).replace("**", "").replace("*Here*", "Here").replace("*Proof*", "Proof") for one in of)
+    return "\n\n".join(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) for text in plain)
 
 
 def verdicts() -> str:
     """Which claims got which verdict: "reproduced C3, C10; ..."."""
-    found = {f"C{number}": claims.judge(number).verdict for number in claims.CLAIMS}
+    found = {name: claims.judge(name).verdict for name in claims.names("C")}
     numbers = {verdict: [name for name in found if found[name] == verdict] for verdict in get_args(claims.Verdict)}
     return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
 
@@ -107,17 +125,30 @@ def verdicts() -> str:
 
 def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
-    judged = map(claims.judge, claims.CLAIMS)
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
         "verdicts": _tex(verdicts()),
         "judgedRuns": f"{len(studies.JUDGED)}",
         "triedRobots": f"{len(studies.AFTER.seeds)}",
-        "tableClaims": "\n".join(_row(f"C{one.number}", one.claim, one.verdict, one.effect) for one in judged),
+        "tableClaims": _verdicts_of("C"),
+        "tableQuestions": _verdicts_of("Q"),
+        "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
     }
     return "\n".join(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items())
+
+
+def _verdicts_of(kind: str) -> str:
+    """Rows: name, claim or question, verdict, effect."""
+    return "\n".join(
+        _row(one.name, one.claim, one.verdict, one.effect) for one in map(claims.judge, claims.names(kind))
+    )
+
+
+def _erratum(of: errata.Erratum) -> str:
+    """A row: name, where, what is printed and why it cannot stand, how it is read here and what that does."""
+    return _row(of.name, of.where, f"{of.printed}. {of.wrong}.", f"{of.reading}. {errata.effect(of)}".strip())
 
 
 def numbers(h: Headline) -> dict[str, str]:

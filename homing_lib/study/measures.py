@@ -1,4 +1,4 @@
-"""What is kept of a run: a table of its episodes, of trials after it, of views, of shortest paths."""
+"""What is kept of a run: its episodes or their summary, trials after it, views, shortest paths."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -14,7 +14,7 @@ from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
-from homing_lib.study.runs import Columns
+from homing_lib.study.runs import Columns, by_episode
 from homing_lib.thresholds import stopping_thresholds
 
 WINDOW = 5  # episodes at each end of a run that are compared: the first five with the last five
@@ -42,6 +42,40 @@ def episode_table(result: Run) -> Columns:
     number, lost = np.arange(1.0, result.settings.episodes + 1), result.settings.episodes - len(lengths)
     padded = {name: np.r_[values, np.full(lost, np.nan)] for name, values in finished.items()}
     return {"episode": number, **padded, "diverged": (number > len(lengths)).astype(float)}
+
+
+def summary(settings: Settings, seed: int) -> Columns:
+    """One row per run, for studies of many."""
+    return summary_table(run(settings, seed))
+
+
+def summary_table(result: Run) -> Columns:
+    """A run in one row. An episode that it did not finish, since it diverged, took `max_steps` and did not come home.
+
+    Steps, mean of the first and last WINDOW episodes and sum of all: `early`, `late`, `total`; `lost`: share of the
+    last WINDOW that did not reach home; sum of the weights' `change`; mean `lambda`; shares of the steps: `clipped`,
+    `at_wall`, `band` (psi_lower <= NRB < psi_upper); `band_stay`: longest stay there, in steps; `diverged`.
+    """
+    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier, result.settings.band)
+    home = np.pad(result.reached, (0, len(steps) - len(result.reached)))
+    nrb = result.column("similarity")
+    band = (nrb >= psi.lower) & (nrb < psi.upper)
+    # An episode's last step is home or the cap: no stay in the band goes on from there.
+    inside = np.concatenate([[0], np.insert(band, result.ended[:-1], False), [0]]).astype(int)
+    edges = np.flatnonzero(np.diff(inside)).reshape(-1, 2)
+    taken = max(len(result.steps), 1)
+    shares = {name: result.column(name) for name in ("lambda", "clipped", "at_wall")} | {"band": band}
+    row = {
+        "early": steps[:WINDOW].mean(),
+        "late": steps[-WINDOW:].mean(),
+        "total": steps.sum(),
+        "lost": 1 - home[-WINDOW:].mean(),
+        "change": result.column("change").sum(),
+        **{name: values.sum() / taken for name, values in shares.items()},
+        "band_stay": np.diff(edges).max(initial=0),
+        "diverged": result.diverged > 0,
+    }
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
 TRIAL_STEPS = 300  # a robot that has not come home by then is counted as lost
@@ -78,6 +112,34 @@ def trials(settings: Settings, seed: int) -> Columns:
                     rows.append((1, *pose, len(steps) - _KIDNAPPED_AT, reached, light))
 
     names = ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
+    run(settings, seed, afterwards=afterwards)
+    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+
+def abductions(settings: Settings, seed: int) -> Columns:
+    """After learning, at 40 random free poses: an episode that starts there, and one in which the robot is carried
+    there after eight steps from the usual start.
+
+    One row per pose, `x`, `y` (m), `heading` (rad): steps from there, `begun` and `carried`, at most TRIAL_STEPS, and
+    whether home was reached, `begun_home` and `carried_home`. A run that diverged: one row without numbers.
+    """
+    rows: list[tuple[float, ...]] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        rng, settled = np.random.default_rng([seed, 4]), Settled(agent)
+        worlds = [
+            HomingEnv(settings.with_changes(max_steps=cap), observation="features", model=env.model)
+            for cap in (TRIAL_STEPS, TRIAL_STEPS + _KIDNAPPED_AT)
+        ]
+        with worlds[0] as usual, worlds[1] as longer:
+            for world in worlds:
+                world.reset(seed=seed)
+            for pose in (free_pose(env.world, env.room, rng) for _ in range(40)):
+                begun, begun_home = run_episode(usual, settled, {"start": pose})
+                carried, carried_home = run_episode(Kidnapped(longer, _KIDNAPPED_AT, pose), settled)
+                rows.append((*pose, len(begun), begun_home, len(carried) - _KIDNAPPED_AT, carried_home))
+
+    names = ("x", "y", "heading", "begun", "begun_home", "carried", "carried_home")
     run(settings, seed, afterwards=afterwards)
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
@@ -135,22 +197,23 @@ def views(settings: Settings, seed: int) -> Columns:
 
 
 def shortest(settings: Settings, seed: int) -> Columns:
-    """The least number of steps from the start to a view that ends an episode, under the same actions.
+    """`fewest_steps` from the room's start, under the same actions."""
+    found: list[float] = []
+    now = settings.with_changes(episodes=1, controller="random")
+    run(now, seed, afterwards=lambda env, agent: found.append(fewest_steps(env)))
+    return {"steps": np.array(found)}
+
+
+def fewest_steps(env: HomingEnv, start: Pose | None = None) -> float:
+    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
 
     Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
     the cells hide. Moves that a wall stops are left out.
     """
-    found: list[float] = []
-    now = settings.with_changes(episodes=1, controller="random")
-    run(now, seed, afterwards=lambda env, agent: found.append(_search(env)))
-    return {"steps": np.array(found)}
-
-
-def _search(env: HomingEnv) -> float:
     s, model = env.settings, env.model
     assert model is not None
     upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [env.room.start], set()
+    frontier, seen = [start or env.room.start], set()
     for steps in range(1, s.max_steps + 1):
         reached = []
         for pose, (left, right) in product(frontier, s.wheel_commands_m):

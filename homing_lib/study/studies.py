@@ -1,7 +1,8 @@
 """The studies: which settings, which seeds, and why. `runs.py` runs and stores them.
 
 What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `finalists`), and became the defaults
-of `Settings`. Everything that is judged runs on seeds from 1000 up.
+of `Settings`. Everything that is judged runs on seeds from 1000 up. Further studies stand with those who judge by them:
+why it learns in `mechanism`, what the reward does in `readings`, what it is worth in `opponents`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,6 +17,9 @@ from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, 
 from homing_lib.study.runs import DATA, Study, episodes_of, load_table
 
 JUDGED = range(1000, 1050)
+
+FRESH = range(2000, 2050)
+"""For questions that were asked once the runs of `JUDGED` had been seen."""
 
 _LISTED: list[Callable[[], Study]] = []
 
@@ -245,7 +249,9 @@ _LISTED.append(finalists)
 
 
 def in_order() -> Iterator[Study]:
-    """All studies as they stand here; the last needs the table of the one before it."""
+    """All studies: those here, of which the last needs the table of the one before it, then the others."""
+    from homing_lib.study import judges, mechanism, opponents, readings  # noqa: F401, which list theirs when imported
+
     return (each() for each in _LISTED)
 
 
@@ -268,8 +274,8 @@ def page() -> str:
 
 def _conditions(of: Study) -> str:
     """The conditions of a study as a table; more than twenty as the values that each setting takes."""
-    default = Settings().model_dump()
-    every = [settings.model_dump() for settings in of.conditions.values()]
+    default = dict(Settings())
+    every = [dict(settings) for settings in of.conditions.values()]
     taken = {name: sorted({values[name] for values in every}) for name in default}
     shared = [f"`{name} = {one}`" for name, (one, *more) in taken.items() if not more and one != default[name]]
     varied = {name: values for name, values in taken.items() if len(values) > 1}

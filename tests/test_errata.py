@@ -1,0 +1,174 @@
+"""Each slip of the printed paper has a proof, and a proof is something that is there."""
+
+import re
+
+import numpy as np
+import pytest
+
+from homing_lib.agent import STEP_COLUMNS, run
+from homing_lib.environment import reward
+from homing_lib.features import bins_per_channel, histogram
+from homing_lib.lambdas import Fixed
+from homing_lib.policy import decrease_rate
+from homing_lib.settings import Settings
+from homing_lib.study import errata
+from homing_lib.study.errata import ERRATA
+from homing_lib.td import LinearTD
+from homing_lib.thresholds import stopping_thresholds
+
+SHORT = Settings(images="compact", episodes=2, max_steps=300)
+
+
+def test_errata_are_numbered_without_a_gap():
+    assert [one.name for one in ERRATA] == [f"E{number}" for number in range(1, len(ERRATA) + 1)]
+    assert len(ERRATA) >= 24
+
+
+@pytest.mark.parametrize("erratum", ERRATA, ids=[one.name for one in ERRATA])
+def test_each_erratum_has_a_proof_and_every_proof_resolves(erratum):
+    assert erratum.proofs
+    assert [proof for proof in erratum.proofs if not errata.resolves(proof)] == []
+    for seen in erratum.seen:
+        assert {seen.condition, seen.against} <= set(seen.study.conditions)
+
+
+@pytest.mark.parametrize(
+    "proof",
+    [
+        "tests/test_errata.py::test_that_is_not_there",
+        "tests/test_nothing.py::test_errata_are_numbered_without_a_gap",
+        "study of nothing",
+        "derivation: it is so",
+        "hearsay",
+    ],
+)
+def test_a_proof_that_is_not_there_does_not_resolve(proof):
+    assert not errata.resolves(proof)
+
+
+def test_every_condition_that_is_named_after_an_erratum_is_told_by_it():
+    told = {(one.name, seen.condition) for one in ERRATA for seen in one.seen}
+    for label in errata.studies.PRINTED.conditions:
+        name = re.match(r"E\d+", label)
+        if name and label != "E4 alpha_0 of the text":  # which is the default
+            assert (name[0], label) in told
+
+
+def test_an_effect_is_a_number_with_its_verdict_and_widened_for_their_number():
+    alone = errata.claims.of_steps(errata.load_table(errata.studies.PRINTED), "E19 home masked", "default")
+    told = errata.effect(errata.named("E19"))
+    value, low, high = map(float, re.search(r"E19 home masked: ([\d.]+) \[([\d.]+), ([\d.]+)\]", told).groups())
+    assert value == pytest.approx(alone.typical.value, abs=0.006)
+    assert low < alone.typical.low
+    assert alone.typical.high < high
+    assert errata.effect(errata.named("E1")) == ""
+
+
+def test_an_erratum_is_told_in_a_paragraph_and_all_in_a_table():
+    text = str(errata.named("E8"))
+    assert text.startswith("**E8**, Fig. 2: n of about 3 x 256/b, so 256. Eq. (14) gives 258 for b = 3. *Here*: 258.")
+    assert "*Proof*: tests/test_features.py::test_bins_of_three" in text
+    assert len(errata.table(ERRATA).splitlines()) == 2 + len(ERRATA)
+
+
+# Proofs that stand nowhere else
+
+
+def test_the_gradient_of_the_value_is_phi_by_the_weights_and_theta_by_the_features():
+    """E1: V = theta^T phi, by finite differences."""
+    rng, h = np.random.default_rng(1), 1e-6
+    learner, phi = LinearTD(4, step_size=0.1, discount=1, lambda_rule=Fixed(0)), rng.standard_normal(4)
+    theta = rng.standard_normal(4)
+    learner.weights[:] = theta
+    by_features = [(learner.value(phi + h * unit) - learner.value(phi - h * unit)) / (2 * h) for unit in np.eye(4)]
+    by_weights = []
+    for unit in np.eye(4):
+        ahead, behind = (learner.value(phi) for learner.weights[:] in (theta + h * unit, theta - h * unit))
+        by_weights.append((ahead - behind) / (2 * h))
+    assert by_weights == pytest.approx(list(phi))
+    assert by_features == pytest.approx(list(theta))
+
+
+def test_the_formula_for_alpha_0_gives_neither_of_the_values_beside_it():
+    """E4."""
+    assert pytest.approx(1.25e-4) == 10**-1 / (2 * 20**2)
+
+
+def test_an_epsilon_0_of_6_gives_a_negative_probability_in_all_twenty_episodes():
+    """E5: 1 - epsilon + epsilon/3, eq. (21)."""
+    epsilons = [0.3 * 20 * decrease_rate(episode, 0.3 * 20) for episode in range(1, 21)]
+    assert max(1 - epsilon + epsilon / 3 for epsilon in epsilons) < 0
+
+
+def test_a_variance_of_counts_that_is_scaled_again_makes_every_feature_one():
+    """E11: counts of 64 x 64 pixels that differ from home's by up to five standard deviations."""
+    pixels, sigma = 64**2, 30.0
+    difference = np.linspace(-5 * sigma, 5 * sigma, 11)
+    once = np.exp(-(difference**2) / (2 * sigma**2))
+    again = np.exp(-(difference**2) / (2 * pixels**2 * sigma**2))
+    assert once.min() < 1e-5
+    assert again.min() > 1 - 1e-6
+
+
+def test_the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs():
+    """E14."""
+    assert Settings().lambda_rule == "fletcher-reeves"
+    form_1, form_2 = (run(SHORT.with_changes(lambda_rule=rule), 1) for rule in ("hestenes-stiefel", "fletcher-reeves"))
+    assert not np.array_equal(form_1.column("lambda")[:50], form_2.column("lambda")[:50])
+
+
+def test_a_robot_that_loiters_in_the_band_earns_without_end():
+    """E21: at psi_lower, step after step, from step 20 on; arriving ends it."""
+    lower = stopping_thresholds(12).lower
+    earned = [reward(t, lower, lower, lower, False, Settings()) for t in range(20, 2001)]
+    assert min(earned) > 0.85
+    assert sum(earned[:1000]) > 800
+    outside = [reward(t, 0.9 * lower, lower, lower, False, Settings()) for t in range(20, 2001)]
+    assert max(outside) < 0
+
+
+def test_fifty_times_the_steps_cost_less_than_twice_as_much():
+    """E22: the sum of 1/t is ln T + .577."""
+    cost = -np.cumsum([reward(t, 0, 0, 0.9, False, Settings()) for t in range(1, 2001)])
+    assert cost[1999] < 2 * cost[39]
+    assert cost[1999] == pytest.approx(np.log(2000) + np.euler_gamma, abs=1e-3)
+    constant = Settings(step_cost="constant")
+    assert reward(1, 0, 0, 0.9, False, constant) == reward(2000, 0, 0, 0.9, False, constant)
+
+
+def test_lowered_after_an_episode_by_its_number_the_rate_is_one_in_the_second_too():
+    """E25: Fig. 2 to the letter, beside ours."""
+    as_printed = [1.0]
+    for episode in range(1, 20):
+        as_printed.append(decrease_rate(episode, 6))
+    assert as_printed[:2] == [1, 1]
+    ours = Settings().step_size_rates
+    assert ours[:2].tolist() == [1, 7 / 8]
+    assert as_printed[1:] == pytest.approx(list(ours[:-1]))
+
+
+def test_without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_after_it():
+    """E27: the error of the step before, as a rule sees it, is the last that was learnt from."""
+    seen = []
+
+    def watched(*, delta, delta_prev, **_):
+        seen.append((delta, delta_prev))
+        return 0.0
+
+    result = run(SHORT.with_changes(learn_at_walls=False), 1, lambda_rule=watched)
+    learnt = result.column("change") > 0
+    steps = result.episode(1)
+    in_first = learnt[: len(steps)]
+    gaps = np.flatnonzero(~in_first[1:-1] & in_first[2:] & in_first.cumsum()[1:-1] > 0)
+    assert gaps.size, "the robot never met a wall"
+    delta = steps[in_first, STEP_COLUMNS.index("delta")]
+    told = np.array(seen[: len(delta) - 1])
+    np.testing.assert_array_equal(told[:, 1], delta[:-1])
+
+
+@pytest.mark.parametrize(("bin_size", "empty"), [(3, False), (4, True), (6, True), (10, False), (16, True)])
+def test_unless_256_by_the_bin_size_is_rounded_down_the_last_bin_is_empty(bin_size, empty):
+    """E28."""
+    image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
+    last = histogram(image, bin_size)[bins_per_channel(bin_size) - 1]
+    assert (last == 0) == empty
