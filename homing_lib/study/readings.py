@@ -17,7 +17,7 @@ from homing_lib.study.claims import Comparison, Judged, claim, compare, first_go
 from homing_lib.study.claims import late as late_by_episode
 from homing_lib.study.measures import episodes, summary
 from homing_lib.study.runs import episodes_of
-from homing_lib.study.statistics import Interval, knife_edge
+from homing_lib.study.statistics import MARGIN, Interval, knife_edge
 from homing_lib.study.studies import FRESH, study
 from homing_lib.thresholds import stopping_thresholds
 
@@ -73,14 +73,14 @@ INITIAL = study(
 
 REWARD_LONG = study(
     "reward-long",
-    "Is 200 episodes enough for the reward to matter?",
+    "Are 200 episodes enough for the reward to matter, or for theta_0 = 0 to catch up? (Only with a bonus: where home "
+    "is bootstrapped it drives so far that ten robots would take minutes.)",
     {
         label: settings.with_changes(episodes=200)
         for label, settings in {
             **{f"{reward}, bootstrapped": _of(reward, "bootstrapped") for reward in REWARDS},
             "as is, bonus": _of("as is", "bonus"),
             "as is, masked": _of("as is", "masked"),
-            "as is, bootstrapped, theta_0 0": _of("as is", "bootstrapped", 0.0),
             "as is, bonus, theta_0 0": _of("as is", "bonus", 0.0),
         }.items()
     },
@@ -120,7 +120,9 @@ def against(of: Any, ours: str, theirs: str, family: int, name: str = "late") ->
 
 
 def _told(label: str, found: Comparison) -> str:
-    return f"{label}, {found:.2f} ({found.word}{knife_edge(*found, margins=(0.8, 1, 1.25))})"
+    decided = found.word in ("better", "worse")
+    edge = knife_edge(*found, margins=(1,) if decided else (1 / MARGIN, 1, MARGIN))
+    return f"{label}, {found:.2f}, {found.word}{edge}"
 
 
 @claim("Q10", "does the reward matter?", REWARD, REWARD_LONG)
@@ -147,15 +149,15 @@ def reward_matters(of: Any, long: Any) -> Judged:
     )
 
 
-@claim("Q11", "does the initial value carry the learning?", REWARD, INITIAL)
-def initial_value_carries(of: Any, initial: Any) -> Judged:
+@claim("Q11", "does the initial value carry the learning?", REWARD, INITIAL, REWARD_LONG)
+def initial_value_carries(of: Any, initial: Any, long: Any) -> Judged:
     """Two parts. Without any reward, theta_0 = 1: the last episodes take fewer steps than the first. With the reward
     as it is, theta_0 = 0: the last episodes take more steps than with theta_0 = 1. Home is bootstrapped in both.
 
     Yes: both hold; partly: one; no: neither, and theta_0 = 0 is better or comparable; else not shown.
     """
     learns = compare(column(of, "zero, bootstrapped"), column(of, "zero, bootstrapped", "early"), 2)
-    empty = column(initial, "as is, bootstrapped, theta_0 0")
+    empty, bonus = (column(initial, f"as is, {home}, theta_0 0") for home in ("bootstrapped", "bonus"))
     without = compare(empty, column(of, "as is, bootstrapped", runs=len(empty)), 2)
     parts = learns.side == "below", without.side == "above"
     harmless = without.word in ("better", "comparable")
@@ -163,7 +165,9 @@ def initial_value_carries(of: Any, initial: Any) -> Judged:
         "yes" if all(parts) else "partly" if any(parts) else "no" if harmless else "not shown",
         f"With theta_0 = 1 and no reward at all, the last episodes take {learns:.2f} of the steps of the first"
         f"{knife_edge(*learns)}. With the reward as it is and theta_0 = 0 they take {without:.2f} of those with "
-        f"theta_0 = 1{knife_edge(*without)}.",
+        f"theta_0 = 1{knife_edge(*without)}. With home masked and the bonus, theta_0 = 0 takes "
+        f"{compare(bonus, column(of, 'as is, bonus', runs=len(bonus))):.2f} of the late steps of theta_0 = 1 after 20 "
+        f"episodes, and {against(long, 'as is, bonus, theta_0 0', 'as is, bonus', 1):.2f} after 200.",
     )
 
 
@@ -189,7 +193,7 @@ def band_is_exploited(of: Any) -> Judged:
         "yes" if printed else "partly" if more else "no" if words <= {"better", "comparable"} else "not shown",
         f"With the printed band {share.mean():.2%} of the steps of 20 episodes lie in it, the longest stay "
         f"{stay.max():.0f}. Steps there, paid as a multiple of unpaid: "
-        + "; ".join(f"band {band:g}, {length} episodes, {found[band, length]:.2f}" for band, length in cases)
+        + "; ".join(_told(f"band {band:g}, {length} episodes", found[band, length]) for band, length in cases)
         + ".",
     )
 
