@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from homing_lib.publish import plots
-from homing_lib.publish.forests import Column, compared, forest
+from homing_lib.publish import figures, plots
+from homing_lib.publish.forests import Column, compared, first_to_last, forest
 from homing_lib.rooms import ROOMS
 from homing_lib.study.claims import Comparison
 from homing_lib.study.rules import Rules
@@ -24,6 +24,11 @@ COMPARED = {
     "slower": Comparison(Interval(2.0, 1.5, 2.5), Interval(3.0, 2.0, 4.0)),
     "typically slower": Comparison(Interval(2.0, 1.5, 2.5), Interval(1.2, 0.8, 1.6)),
     "the same": Comparison(Interval(1.0, 0.9, 1.1), Interval(1.0, 0.9, 1.1)),
+}
+FIRST_AND_LAST = {
+    "falls": (RUNS[:, 0] + 300, RUNS[:, 0]),
+    "rises": (RUNS[:, 0], RUNS[:, 0] + 300),
+    "stays": (RUNS[:, 0], RUNS[:, 0]),
 }
 X, Y = (values.ravel() for values in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
 
@@ -42,6 +47,11 @@ PLOTS = {
     ),
     "forest, log": lambda: forest(Column("steps", SHARES, log=True, text=".2f")),
     "forest of comparisons": lambda: forest(compared("steps", COMPARED)),
+    "first to last": lambda: first_to_last({"": {"a": (RUNS[:, 0], RUNS[:, 1])}}, ("random actions", 100)),
+    "panels of first to last": lambda: first_to_last(
+        {"one": FIRST_AND_LAST, "two": {"else": (RUNS[:, 0], RUNS[:, 1])}}
+    ),
+    "potential": lambda: figures.potential_trace(RUNS[0], np.append(0.0, -1 / np.arange(1, 20))),
     "rules": lambda: plots.rules(Rules({"form 2": RUNS, "mine": 2 * RUNS, "lost": CAPPED})),
     "heat map": lambda: plots.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
     "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
@@ -71,6 +81,25 @@ def test_a_comparison_is_marked_and_named_and_counted_by_its_own_word():
     words = [text.get_text().rsplit(" ", 1)[1] for text in axes.texts]
     assert words == [found.word for found in COMPARED.values()] == ["better", "worse", "open", "comparable"]
     assert axes.get_title(loc="left") == "1 better, 1 worse, 1 comparable, 1 open"
+
+
+def test_first_and_last_episodes_are_a_ring_and_a_mark_whose_title_counts_those_that_take_fewer():
+    (axes,) = first_to_last({"here": FIRST_AND_LAST}).axes
+    ring = ("o", False)
+    assert marks(axes) == [ring, ("o", True), ring, ("s", True), ring, ("D", True)]
+    assert axes.get_title(loc="left") == "here: 1 of 3 take fewer"
+
+
+def test_the_title_of_the_potential_says_how_much_more_it_pays_than_the_reward():
+    upper, _ = figures.potential_trace(np.array([10.0, 14.0, 10.0, 14.0]), np.array([-1.0, -0.5, -0.5, -0.25])).axes
+    assert "pays 8 times as much" in upper.get_title(loc="left")
+
+
+def test_a_short_logarithmic_axis_has_more_than_one_number_though_it_is_narrow():
+    one, other = forest(*[Column("ratio", {"a": Interval(1.0, 0.8, 1.3)}, 1.0, log=True)] * 2).axes
+    for axes in (one, other):
+        low, high = axes.get_xlim()
+        assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 3
 
 
 def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():

@@ -183,7 +183,8 @@ def plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
     axis = axes.yaxis if which == "y" else axes.xaxis
     low, high = axis.get_view_interval()
     wide = bool(high > (20 if narrow else 8) * low)
-    steps = ((1, 2, 5), (1, 3)) if narrow else ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 2, 5))
+    fine = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
+    steps = (fine if high < 2.5 * low else (1, 2, 5), (1, 3)) if narrow else (fine, (1, 2, 5))
     axis.set_major_locator(LogLocator(subs=steps[wide]))
     axis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))) if wide or narrow else NullLocator())
     axis.set_major_formatter("{x:g}")

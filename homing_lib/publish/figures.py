@@ -260,6 +260,24 @@ def lambda_trace(lambda_: Array, clipped: Array, similarity: Array, thresholds: 
     return figure
 
 
+@styled
+def potential_trace(potential: Array, reward: Array) -> Figure:
+    """What an initial value pays along an episode, step by step, beside the reward. Shapes (steps,).
+
+    potential: of the view after each step; it pays its difference.
+    """
+    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, height_ratios=[1, 1.2], figsize=(TEXT_WIDTH, 2.8))
+    step, paid = np.arange(1, potential.size + 1), np.diff(potential)
+    upper.plot(step, potential, color=BLUE, linewidth=1)
+    upper.set(ylabel="$\\Phi = n$ NRB", xlim=(0, step[-1] + 1))
+    for values, at, colour, mark in ((paid, step[1:], BLUE, "o"), (reward, step, ORANGE, "x")):
+        lower.plot(at, np.maximum(abs(values), 1e-3), mark, color=colour, markersize=2.5, markeredgewidth=0.7)
+    lower.set(xlabel="step", ylabel="size of what is paid", yscale="log")
+    times = np.median(abs(paid)) / np.median(abs(reward))
+    upper.set_title(f"In the median step the potential (dots) pays {times:.0f} times as much as the reward (crosses)")
+    return figure
+
+
 def _mean_and_range(axes: Axes, episodes: NDArray[np.int64], table: Array) -> None:
     finished = np.ma.masked_invalid(table)  # in an episode that no run finished there is nothing to draw
     axes.fill_between(episodes, finished.min(axis=0), finished.max(axis=0), color=SKY, alpha=0.3, linewidth=0)

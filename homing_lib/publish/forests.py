@@ -9,14 +9,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from homing_lib.features import Array
 from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, ORANGE, TEXT_WIDTH, plain_log, styled
-from homing_lib.study.claims import Comparison
-from homing_lib.study.statistics import Interval, side
+from homing_lib.study.claims import Comparison, compare
+from homing_lib.study.measures import WINDOW
+from homing_lib.study.statistics import Interval, interval, iqm, side
 
 PLAIN: dict[str, Any] = {"marker": "o", "color": INK, "linestyle": "", "markersize": 4.5}
 MARKS = {
@@ -26,6 +29,8 @@ MARKS = {
     "open": PLAIN | {"marker": "D", "color": GREY, "markerfacecolor": "white"},
 }
 """By verdict: told apart in grey, too."""
+
+RING = PLAIN | {"markerfacecolor": "white", "markersize": 4}
 
 
 class Column(NamedTuple):
@@ -76,6 +81,41 @@ def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: boo
     shown = [Line2D([], [], **mark, label=word) for word, mark in MARKS.items() if word in met]
     if shown and len(columns) > 1:
         figure.legend(handles=shown, loc="outside upper right", ncols=len(shown), frameon=False, fontsize=7)
+    return figure
+
+
+@styled
+def first_to_last(
+    panels: Mapping[str, Mapping[str, tuple[Array, Array]]], level: tuple[str, float] | None = None
+) -> Figure:
+    """Steps of the first episodes (a ring) and of the last (a mark: are they fewer?), rows in panels side by side.
+
+    panels: by title and row, the steps of the first and of the last WINDOW episodes, one number per run each; drawn is
+    the IQM. The verdict is `compare`'s for as many comparisons as there are rows. level: a line, and what it is.
+    """
+    most, family = max(map(len, panels.values())), sum(map(len, panels.values()))
+    alike = len({tuple(rows) for rows in panels.values()}) == 1
+    size = TEXT_WIDTH, 0.95 + 0.21 * most
+    figure, (grid,) = plt.subplots(1, len(panels), sharex=True, sharey=alike, squeeze=False, figsize=size)
+    for axes, (title, rows) in zip(grid, panels.items(), strict=True):
+        words = {row: compare(last, first, family).word for row, (first, last) in rows.items()}
+        for place, (row, pair) in enumerate(rows.items()):
+            for above, steps, mark in zip((-0.16, 0.16), pair, (RING, MARKS[words[row]]), strict=True):
+                found = interval(steps, np.random.default_rng(0), iqm)
+                axes.hlines(place + above, found.low, found.high, color=mark["color"], linewidth=1.2)
+                axes.plot(found.value, place + above, **mark)
+        if level:
+            axes.axvline(level[1], **DASHED, zorder=0)
+        falls = sum(word == "better" for word in words.values())
+        axes.set_title(f"{title}{': ' if title else ''}{falls} of {len(rows)} take fewer")
+        axes.set(xscale="log", ylim=(len(rows) - 0.4, -0.6))
+        axes.set_yticks(range(len(rows)), [_greek(row) for row in rows])
+        axes.tick_params(axis="y", length=0)
+        axes.grid(axis="y", color=GREY, alpha=0.25, linewidth=0.5)
+    for axes in grid:
+        plain_log(axes, "x", narrow=len(panels) > 1)
+    dashed = f"; dashed: {level[0]}" if level else ""
+    figure.supxlabel(f"steps per episode (ring: first {WINDOW}; mark: last {WINDOW}{dashed})", fontsize=7.5)
     return figure
 
 

@@ -181,7 +181,7 @@ def band_is_exploited(of: Any) -> Judged:
     cases = [(band, length) for band in BANDS for length in LENGTHS]
     found = {
         (band, length): compare(
-            _steps_in_band(of, length, band, "paid"), _steps_in_band(of, length, band, "unpaid"), len(cases)
+            steps_in_band(of, length, band, "paid"), steps_in_band(of, length, band, "unpaid"), len(cases)
         )
         for band, length in cases
     }
@@ -198,7 +198,7 @@ def band_is_exploited(of: Any) -> Judged:
     )
 
 
-def _steps_in_band(of: Any, length: int, band: float, how: str) -> Array:
+def steps_in_band(of: Any, length: int, band: float, how: str) -> Array:
     """Of a whole run. A step is added, so that a robot that was never there can be compared."""
     label = f"{length} episodes, band {band:g}, {how}"
     return 1 + column(of, label, "band") * column(of, label, "total")
