@@ -52,8 +52,15 @@ PLOTS = {
         {"one": FIRST_AND_LAST, "two": {"else": (RUNS[:, 0], RUNS[:, 1])}}
     ),
     "potential": lambda: figures.potential_trace(RUNS[0], np.append(0.0, -1 / np.arange(1, 20))),
+    "forest of many comparisons": lambda: forest(*[compared("a", COMPARED, key=False)] * 5, shared=True),
     "rules": lambda: plots.rules(Rules({"form 2": RUNS, "mine": 2 * RUNS, "lost": CAPPED})),
     "heat map": lambda: plots.heat_map(["a", "b"], ["1", "2"], RUNS[:2, :2], {(0, 1): "3 diverged"}),
+    "responses": lambda: plots.responses(
+        np.arange(3.0), {"a": np.array([0.0, np.nan, 1.0]), "b": np.zeros(3)}, "ratio", "lambda"
+    ),
+    "explained": lambda: plots.explained(
+        {name: {"one": 1.0, "two": 2.0, "three": 3.0} for name in "abcde"}, FOUND, "ratio"
+    ),
     "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: plots.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
     "room": lambda: plots.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
@@ -122,6 +129,14 @@ def test_maps_of_one_figure_share_their_scale():
     one, other, bar = figure.axes
     assert one.collections[0].get_clim() == other.collections[0].get_clim()
     assert bar.get_ylabel() == "share"
+
+
+def test_an_effect_is_drawn_against_each_property_with_their_rank_correlation():
+    rising, falling = {"one": 1.0, "two": 4.0, "three": 5.0}, {"one": 3.0, "two": 2.0, "three": 1.0}
+    effect = {"one": Interval(0.5, 0.4, 0.6), "two": Interval(0.9, 0.8, 1.1), "three": Interval(1.2, 1.1, 1.3)}
+    axes = [axes for axes in plots.explained({"area": rising, "spread": falling}, effect, "ratio").axes if axes.texts]
+    assert [one.get_title(loc="left") for one in axes] == ["rank correlation +1.00", "rank correlation -1.00"]
+    assert [text.get_text() for text in axes[0].texts] == ["1", "2", "3"]
 
 
 def test_names_at_the_ends_of_curves_do_not_overlap():

@@ -58,9 +58,9 @@ class Column(NamedTuple):
         return "open" if where == "open" else "better" if (where == "above") == self.more else "worse"
 
 
-def compared(label: str, rows: Mapping[str, Comparison]) -> Column:
-    """A column of comparisons, marked by their own words."""
-    label = f"{label}\n(marks: IQM, bars: mean)"
+def compared(label: str, rows: Mapping[str, Comparison], *, key: bool = True) -> Column:
+    """A column of comparisons, marked by their own words. key: its label says what marks and bars are."""
+    label = f"{label}\n(marks: IQM, bars: mean)" if key else label
     intervals = {row: found.typical for row, found in rows.items()}
     also = {row: found.mean.value for row, found in rows.items()}
     words = {row: found.word for row, found in rows.items()}

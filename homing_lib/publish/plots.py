@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.stats import spearmanr
 
 from homing_lib.features import Array
 from homing_lib.publish import drawing
@@ -16,7 +17,7 @@ from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, LINES, ORANGE, T
 from homing_lib.publish.forests import compared, draw_column
 from homing_lib.rooms import Room
 from homing_lib.study.rules import Rules
-from homing_lib.study.statistics import band
+from homing_lib.study.statistics import Interval, band
 
 Tables = Mapping[str, Array]  # by label, shape (runs, episodes)
 
@@ -153,6 +154,44 @@ def heat_map(rows: Sequence[str], columns: Sequence[str], values: Array, notes: 
     axes.spines[:].set_visible(False)
     axes.set_title("bold: each at its best step size" + ("; in brackets: runs lost" if notes else ""))
     figure.colorbar(shown, label="steps per episode").ax.yaxis.set_major_formatter("{x:g}")
+    return figure
+
+
+@styled
+def responses(x: Array, panels: Mapping[str, Array], xlabel: str, ylabel: str) -> Figure:
+    """Functions of one number side by side, on the same scale. panels: by title, shape of x; NaN is not drawn."""
+    figure, (grid,) = plt.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 1.6))
+    for axes, (title, values) in zip(grid, panels.items(), strict=True):
+        axes.axvline(0, color=GREY, linewidth=0.6)
+        axes.plot(x, values, color=BLUE)
+        axes.set(title=title, xlim=(x[0], x[-1]))
+    grid[0].set_ylabel(ylabel)
+    figure.supxlabel(xlabel, fontsize=7.5)
+    return figure
+
+
+@styled
+def explained(properties: Mapping[str, Mapping[str, float]], effect: Mapping[str, Interval], label: str) -> Figure:
+    """An effect against each of several properties of the same cases, with the rank correlation of the two.
+
+    properties: by name and case; effect: by case, a ratio, 1 being none.
+    """
+    rows, numbers = ceil(len(properties) / 4), {case: number for number, case in enumerate(effect, 1)}
+    figure, grid = plt.subplots(rows, 4, sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 1.6 * rows + 0.3))
+    for axes, (name, of_case) in zip(grid.flat, properties.items(), strict=False):
+        for case, found in effect.items():
+            axes.vlines(of_case[case], found.low, found.high, color=GREY, linewidth=1.2)
+            axes.plot(of_case[case], found.value, "o", color=BLUE, markersize=4)
+            drawing.beside(axes, str(numbers[case]), (of_case[case], found.value), (4, 2))
+        rho = spearmanr([of_case[case] for case in effect], [found.value for found in effect.values()]).statistic
+        axes.axhline(1, **DASHED, zorder=0)
+        axes.set_title(f"rank correlation {rho:+.2f}")
+        axes.set_xlabel(name)
+        axes.margins(x=0.15)
+    plt.setp(grid[:, 0], ylabel=label)
+    for axes in grid.flat[len(properties) :]:
+        axes.set_visible(False)
+    figure.supxlabel("   ".join(f"{number} {case}" for case, number in numbers.items()), fontsize=7.5)
     return figure
 
 
