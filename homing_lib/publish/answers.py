@@ -106,7 +106,7 @@ DRIVERS = {
 
 
 def beside_the_headline() -> list[tuple[str, ...]]:
-    """Who drives, and for each room: mean steps from the usual start and from everywhere, share of these that gets home.
+    """Who drives; for each room, mean steps from the usual start and from everywhere, and who of these gets home."""
     of, nearest = load_table(opponents.OPPONENTS), load_table(opponents.NEAREST)
     rows = []
     for label, (who, share) in DRIVERS.items():
