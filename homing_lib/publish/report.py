@@ -10,12 +10,14 @@ import numpy as np
 
 from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
+from homing_lib.publish import answers
 from homing_lib.robot import wrapped
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
-from homing_lib.study import claims, errata, runs, studies
-from homing_lib.study.measures import WINDOW
+from homing_lib.study import claims, errata, opponents, runs, studies
+from homing_lib.study.measures import TRIAL_STEPS, WINDOW
+from homing_lib.study.probes import CLIMBING
 from homing_lib.study.runs import by_episode
 from homing_lib.study.statistics import interval, ratio
 from homing_lib.thresholds import stopping_thresholds
@@ -24,6 +26,8 @@ WELL_BELOW = 0.75
 """A ratio of mean steps counts as "well below" if it is no larger than this and its interval excludes 1."""
 
 VERIFIED = ROOT / ".build" / "verified"
+
+REPORT = ROOT / "paper" / "report.tex"
 
 
 class Headline:
@@ -81,11 +85,16 @@ def conclusion(h: Headline) -> str:
     )
 
 
+def result() -> list[str]:
+    """Three sentences: does it learn, does a varying lambda matter and by what, is it worth it."""
+    return [conclusion(stored_headline()), answers.varying_lambda(), answers.worth()]
+
+
 def summary() -> str:
-    """What `make` prints when all is done."""
+    """What `make` prints when all is done: the result, the headline, and every verdict."""
     h = stored_headline()
     lines = [
-        conclusion(h),
+        *result(),
         f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
         f"{h.of_random:.2f}. The end is {h.verdict} both.",
         f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
@@ -120,6 +129,12 @@ def verdicts() -> str:
     return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
 
 
+def counted() -> str:
+    """How many claims got which verdict: "3 reproduced, 11 partly reproduced, ..."."""
+    found = [claims.judge(name).verdict for name in claims.names("C")]
+    return ", ".join(f"{found.count(one)} {one}" for one in get_args(claims.Verdict) if one in found)
+
+
 # --- LaTeX --------------------------------------------------------------------------------------------------------
 
 
@@ -127,16 +142,60 @@ def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
+        "lambdaAnswer": _tex(answers.varying_lambda()),
+        "worthAnswer": _tex(answers.worth()),
         "verdicts": _tex(verdicts()),
-        "judgedRuns": f"{len(studies.JUDGED)}",
-        "triedRobots": f"{len(studies.AFTER.seeds)}",
+        "verdictsCounted": _tex(counted()),
+        "judgedRuns": f"{len(studies.FRESH)}",
+        "judgedFrom": f"{studies.FRESH[0]}",
+        "seenFrom": f"{studies.JUDGED[0]}",
+        "climbShare": _tex(f"{CLIMBING:.0%}"),
+        "wayChosen": _tex(opponents.CHOSEN),
+        "trialSteps": f"{TRIAL_STEPS}",
+        **{f"answer{name}": _tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
+        **{f"effect{name}": _tex(claims.judge(question).effect) for name, question in _EFFECTS.items()},
+        "tableOpponents": "\n".join(_row(*cells) for cells in answers.beside_the_headline()),
         "tableClaims": _verdicts_of("C"),
         "tableQuestions": _verdicts_of("Q"),
+        "otherFigures": "\n".join(f"\\panel{{{name}}}{{{notebook}}}" for name, notebook in other_figures()),
         "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
     }
     return "\n".join(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items())
+
+
+_ANSWERS = {
+    "Fast": "Q5",
+    "Standard": "Q6",
+    "Camera": "Q9",
+    "Reward": "Q10",
+    "Initial": "Q11",
+    "Band": "Q12",
+    "Home": "Q13",
+    "Letter": "Q14",
+    "Anywhere": "Q23",
+    "Learning": "Q24",
+    "Behind": "Q25",
+    "Walk": "Q30",
+}
+"""The questions whose verdicts the text cites, by the end of the macro's name."""
+
+_EFFECTS = {"Rooms": "Q8", "Letter": "Q14", "Anywhere": "Q23"}
+"""Those whose effect it cites."""
+
+
+def other_figures() -> list[tuple[str, str]]:
+    """Figures that notebooks write and the report's text does not show: name and notebook, in reading order."""
+    shown = set(re.findall(r"\\includegraphics\[[^]]*\]{([\w-]+)}", REPORT.read_text(encoding="utf-8")))
+    return [(name, notebook) for name, notebook in figures_written().items() if name not in shown]
+
+
+def figures_written() -> dict[str, str]:
+    """Each figure that a notebook saves, and the notebook."""
+    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("*.ipynb"))}
+    saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
+    return {name: notebook for notebook, source in sources.items() for name in saved.findall(source)}
 
 
 def _verdicts_of(kind: str) -> str:
