@@ -268,3 +268,26 @@ def test_the_stopping_rule_is_less_sensitive_if_it_fires_over_more_headings_at_h
         [one.assign(condition=room, seed=seed) for room in opponents.ORIENTATION.conditions for seed in range(3)]
     )
     assert opponents.orientation(of)[0] == verdict
+
+
+@pytest.mark.parametrize(
+    ("at_wall", "verdict"), [((0.7, 0.6, 0.9), "yes"), ((0.7, 0.6, 0.4), "partly"), ((0.1, 0.2, 0.4), "no")]
+)
+def test_walls_hold_lost_robots_where_these_spend_most_of_their_last_steps_there(at_wall, verdict):
+    rows = [
+        {"condition": room, "seed": seed, "end_x": 0.1, "end_y": 0.1, "spread_m": 0.1, "at_wall": share + seed / 1000}
+        for room, share in zip(ROOMS, at_wall, strict=True)
+        for seed in range(4)
+    ]
+    nobody = {"condition": "attic", "seed": 9, "at_wall": np.nan}
+    assert opponents.held_by_walls(pd.DataFrame([*rows, nobody]))[0] == verdict
+
+
+def test_lost_robots_are_those_of_the_trials_that_do_not_come_home():
+    few = COMPACT.with_changes(episodes=1, max_steps=50)
+    lost = pd.DataFrame(probes.where_lost(few, 2000))
+    tried = pd.DataFrame(probes.placed(few, 2000))
+    tried = tried[(tried.share == 0) & (tried.usual == 0)]
+    assert len(lost) == pytest.approx((tried.reached == 0).sum(), abs=1)
+    assert lost.at_wall.between(0, 1).all()
+    assert lost.spread_m.max() < 0.6

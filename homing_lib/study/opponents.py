@@ -20,6 +20,7 @@ from homing_lib.study.probes import (
     placed,
     rules_of_stopping,
     searched,
+    where_lost,
 )
 from homing_lib.study.runs import episodes_of
 from homing_lib.study.statistics import Interval, interval, knife_edge, side
@@ -90,6 +91,14 @@ OPPONENTS = study(
     {f"{room}, {who}": _COARSER.with_changes(room=room, **how) for room in ROOMS for who, how in _WHO.items()},
     FRESH[:20],
     placed,
+)
+
+LOST = study(
+    "where-lost",
+    "Where do robots end that do not come home, and what do they do there?",
+    {room: _COARSER.with_changes(room=room) for room in ROOMS},
+    FRESH[:10],
+    where_lost,
 )
 
 WORTH = study(
@@ -199,15 +208,20 @@ the camera's field of view, a robot at home's place sees nothing of what the sna
 RULES = ("one", "three", "raw")
 
 
-def thresholds(views: Any) -> dict[str, float]:
-    """What each rule of stopping must exceed, for as many false alarms all over the room as eq. (19) gives.
+def false_alarms(views: Any) -> Any:
+    """The views all over the room at which a stop would be one. views: rows of `ORIENTATION`, of one room."""
+    return views[(views.kind == ANYWHERE) & ((views.away_m > FAR_M) | (views.turned_deg.abs() > TURNED_DEG))]
 
-    views: rows of `ORIENTATION`, of one room.
-    """
-    everywhere = views[views.kind == ANYWHERE]
-    false = everywhere[(everywhere.away_m > FAR_M) | (everywhere.turned_deg.abs() > TURNED_DEG)]
-    alarms = int((false.one >= stopping_thresholds(Settings().multiplier).upper).sum())
+
+def thresholds(views: Any) -> dict[str, float]:
+    """What each rule of stopping must exceed, for as many false alarms all over the room as eq. (19) gives."""
+    false = false_alarms(views)
+    alarms = _alarms(false)
     return {rule: float(np.sort(false[rule])[-1 - alarms]) for rule in RULES}
+
+
+def _alarms(false: Any) -> int:
+    return int((false.one >= stopping_thresholds(Settings().multiplier).upper).sum())
 
 
 def tolerance(views: Any, rule: str, threshold: float) -> tuple[float, float]:
@@ -300,19 +314,26 @@ def orientation(of: Any) -> Judged:
 def _wider(views: Any, rule: str) -> Interval:
     """By how many degrees eq. (19) tolerates more at home than another rule; seeds are resampled, thresholds anew."""
     by_seed, rng = [rows for _, rows in views.groupby("seed", observed=True)], np.random.default_rng(0)
+    false = [false_alarms(rows) for rows in by_seed]
+    alarms = np.array([_alarms(rows) for rows in false])
+    at_home = [rows[rows.kind == AT_HOME] for rows in by_seed]
+    columns = {
+        one: ([rows[one].to_numpy() for rows in false], [rows[one].to_numpy() for rows in at_home])
+        for one in ("one", rule)
+    }
+
+    def width(one: str, draws: Any) -> float:
+        far, near = columns[one]
+        last = -1 - alarms[draws].sum()
+        least = np.partition(np.concatenate([far[draw] for draw in draws]), last)[last]
+        return 2.0 * float(np.mean([(near[draw] > least).sum() for draw in draws]))
 
     def more(draws: Any) -> float:
-        rows = [by_seed[draw].assign(seed=number) for number, draw in enumerate(draws)]
-        sample = type(views)({name: np.concatenate([one[name] for one in rows]) for name in ("seed", *_OF_VIEWS)})
-        least = thresholds(sample)
-        ours, theirs = (tolerance(sample, one, least[one])[0] for one in ("one", rule))
-        return ours - theirs
+        return width("one", draws) - width(rule, draws)
 
-    again = [more(rng.integers(len(by_seed), size=len(by_seed))) for _ in range(400)]
-    return Interval(more(range(len(by_seed))), *np.percentile(again, (2.5, 97.5)))
-
-
-_OF_VIEWS = ("kind", "away_m", "turned_deg", *RULES)
+    every = np.arange(len(by_seed))
+    again = [more(rng.choice(every, len(every))) for _ in range(2000)]
+    return Interval(more(every), *np.percentile(again, (2.5, 97.5)))
 
 
 @claim("Q20", "is learning better than a climb up the similarity, from the usual start?", OPPONENTS, NEAREST)
@@ -438,4 +459,26 @@ def _gap(rows: Any, room: str) -> Interval:
     there = beyond_home(rows, room)
     return interval(
         per_run(rows[there], "reached") - per_run(rows[~there], "reached"), np.random.default_rng(0), family=len(ROOMS)
+    )
+
+
+@claim("Q26", "is it the walls that hold a robot that gets lost?", LOST)
+def held_by_walls(of: Any) -> Judged:
+    """Of the last hundred steps of lost robots more than half are spent at walls, in each room, with all of the
+    interval; partly: in some.
+    """
+    at_walls, told = {}, []
+    for room in ROOMS:
+        rows = of[(of.condition == room) & of.at_wall.notna()]
+        of_run = rows.groupby("seed", observed=True).at_wall.mean().to_numpy(float)
+        at_walls[room] = interval(of_run, np.random.default_rng(0), family=len(ROOMS))
+        ends = rows.assign(x=rows.end_x, y=rows.end_y)
+        told.append(
+            f"{room} {percent(at_walls[room])} %, within {100 * rows.spread_m.median():.0f} cm, "
+            f"{beyond_home(ends, room).mean():.0%} of them beside or behind home"
+        )
+    more = [side(one, 0.5) == "above" for one in at_walls.values()]
+    return (
+        "yes" if all(more) else "partly" if any(more) else "no",
+        f"Of their last hundred steps lost robots spend at walls: {'; '.join(told)}.",
     )

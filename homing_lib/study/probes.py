@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import Agent, RandomAgent, SarsaAgent, run, run_episode
+from homing_lib.agent import STEP_COLUMNS, Agent, RandomAgent, SarsaAgent, run, run_episode
 from homing_lib.environment import HomingEnv, free_pose, survey
 from homing_lib.features import Array, HomeModel, histogram, similarity
 from homing_lib.lambdas import parse
@@ -81,8 +81,7 @@ def _placed(settings: Settings, seed: int, shares: Sequence[float]) -> Columns:
     rows: list[tuple[float, ...]] = []
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
-        rng = np.random.default_rng([seed, 4])
-        poses = [pose._replace(heading=rng.uniform(-pi, pi)) for pose in starts_everywhere(env, headings=1)]
+        poses = _poses_everywhere(env, seed)
         now = settings.with_changes(max_steps=TRIAL_STEPS)
         with HomingEnv(now, observation="features", model=env.model) as world:
             for share in shares if isinstance(agent, SarsaAgent) else shares[:1]:
@@ -102,6 +101,36 @@ def _driver(agent: Agent, share: float, rng: np.random.Generator) -> RandomAgent
     if not isinstance(agent, SarsaAgent):
         return agent
     return Guided(agent, share, rng) if share else Settled(agent)
+
+
+def where_lost(settings: Settings, seed: int) -> Columns:
+    """Of the trials of `placed` that a robot drives as it learnt to, those from which it does not come home.
+
+    One row each: `x`, `y` where it began (m), and of its last hundred steps the mean place, `end_x`, `end_y`, their
+    root mean square distance from it, `spread_m`, and the share that is spent at walls, `at_wall`.
+    """
+    rows: list[tuple[float, ...]] = []
+
+    def afterwards(env: HomingEnv, agent: Agent) -> None:
+        now = settings.with_changes(max_steps=TRIAL_STEPS)
+        with HomingEnv(now, observation="features", model=env.model) as world:
+            world.reset(seed=seed)
+            for pose in _poses_everywhere(env, seed):
+                steps, reached = run_episode(world, Settled(agent), {"start": pose})
+                if not reached:
+                    last = steps[-100:]
+                    end = last[:, :2].mean(axis=0)
+                    spread = np.sqrt(((last[:, :2] - end) ** 2).sum(axis=1).mean())
+                    rows.append((pose.x, pose.y, *end, spread, last[:, STEP_COLUMNS.index("at_wall")].mean()))
+
+    run(settings, seed, afterwards=afterwards)
+    return _columns(("x", "y", "end_x", "end_y", "spread_m", "at_wall"), rows)
+
+
+def _poses_everywhere(env: HomingEnv, seed: int) -> list[Pose]:
+    """One at each place of the room."""
+    rng = np.random.default_rng([seed, 4])
+    return [pose._replace(heading=rng.uniform(-pi, pi)) for pose in starts_everywhere(env, headings=1)]
 
 
 def nearest_way(settings: Settings, seed: int) -> Columns:
