@@ -41,11 +41,13 @@ PLOTS = {
     "curves": lambda: plots.curves({"one": {"a": RUNS, "b": CAPPED}, "two": {"a": RUNS}}, "steps"),
     "curves with a level": lambda: plots.curves({"": {"a": RUNS}}, "steps", levels={"least": 20}),
     "curves of different kinds": lambda: plots.curves({"one": {"a": RUNS}, "two": {"a": RUNS}}, ("steps", "m")),
+    "curves about zero": lambda: plots.curves({"": {"a": -RUNS, "b": RUNS}}, "ahead", levels={"even": 0}, log=False),
     "forest": lambda: forest(Column("difference", FOUND, 0.0), shared=True),
     "forest of columns": lambda: forest(
         Column("all", FOUND, also={"one": 2.5}), Column("p", SHARES, 0.5), ylabel="row"
     ),
     "forest, log": lambda: forest(Column("steps", SHARES, log=True, text=".2f")),
+    "forest with a title": lambda: forest(Column("all", FOUND, 0.0), Column("p", SHARES, 0.5), title="yes"),
     "forest of comparisons": lambda: forest(compared("steps", COMPARED)),
     "first to last": lambda: first_to_last({"": {"a": (RUNS[:, 0], RUNS[:, 1])}}, ("random actions", 100)),
     "panels of first to last": lambda: first_to_last(
@@ -64,6 +66,11 @@ PLOTS = {
     "marginals": lambda: plots.marginals({"alpha": {"1": RUNS[0], "2": RUNS[1]}}, {"alpha": "1"}, 2000),
     "lattices": lambda: plots.lattice_errors({"a": RUNS[0] / 1e4, "b": RUNS[1] / 1e4}, 0.004),
     "room": lambda: plots.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
+    "stops": lambda: plots.stops_by_heading(
+        {"one": {"a": (np.arange(-90, 91, 90), np.array([9.0, 0, 9])), "b": (np.arange(-90, 91, 90), np.zeros(3))}},
+        {"one": 0.5},
+    ),
+    "rooms": lambda: plots.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, [ROOMS["paper"], ROOMS["attic"]], "share"),
     "light": lambda: plots.similarity_by_light(np.linspace(0.8, 1.2, 9), 1 - abs(np.linspace(-0.2, 0.2, 9)), 0.9),
 }
 
@@ -145,6 +152,21 @@ def test_names_at_the_ends_of_curves_do_not_overlap():
     boxes = [Text.get_window_extent(text) for text in figure.axes[0].texts]
     assert len(boxes) == 3
     assert not any(one.overlaps(other) for one in boxes for other in boxes if one is not other)
+
+
+def test_names_stand_beside_curves_that_end_below_zero():
+    (axes,) = plots.curves({"": {"down": -RUNS, "up": RUNS}}, "ahead", log=False).axes
+    axes.figure.canvas.draw()
+    ends = {text.get_text(): Text.get_window_extent(text) for text in axes.texts}
+    middle = axes.transData.transform((1, 0))[1]
+    assert ends["down"].y1 < middle < ends["up"].y0
+
+
+def test_places_from_which_no_other_view_looks_like_home_are_drawn_at_the_foot():
+    turned = np.array([-90.0, 0, 90])
+    (axes,) = plots.stops_by_heading({"room": {"rule": (turned, np.array([9.0, 0, 9]))}}, {"room": 0.5}).axes
+    assert axes.lines[0].get_ydata().min() == axes.get_ylim()[0] > 0
+    assert axes.get_title(loc="left") == "room"
 
 
 @pytest.mark.filterwarnings("error")

@@ -167,7 +167,8 @@ def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
     """Names of curves, coloured as LINES, right of their ends; moved apart where they would overlap, and then tied."""
     axes.figure.canvas.draw()
     scale = axes.figure.dpi / 72
-    heights = {name: axes.transData.transform((1, max(y, 1e-12)))[1] / scale for name, (_, y) in ends.items()}
+    least = 1e-12 if axes.get_yscale() == "log" else -np.inf
+    heights = {name: axes.transData.transform((1, max(y, least)))[1] / scale for name, (_, y) in ends.items()}
     tints = dict(zip(ends, (colour for colour, _ in LINES), strict=False))
     tie: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1, "relpos": (0, 0.5)}
     place = -np.inf

@@ -68,10 +68,10 @@ def compared(label: str, rows: Mapping[str, Comparison], *, key: bool = True) ->
 
 
 @styled
-def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: bool = False) -> Figure:
-    """Rows of intervals, in one column or several; shared: columns on the same scale."""
+def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: bool = False, title: str = "") -> Figure:
+    """Rows of intervals, in one column or several; shared: columns on the same scale; title: over all of them."""
     rows = list(columns[0].intervals)
-    size = TEXT_WIDTH, 0.9 + height * len(rows)
+    size = TEXT_WIDTH, 0.9 + 0.2 * bool(title) + height * len(rows)
     figure, (grid,) = plt.subplots(1, len(columns), sharex=shared, sharey=True, squeeze=False, figsize=size)
     for axes, column in zip(grid, columns, strict=True):
         draw_column(axes, column, rows, narrow=len(columns) > 1)
@@ -80,7 +80,10 @@ def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: boo
     met = {column.word(row) for column in columns for row in column.intervals}
     shown = [Line2D([], [], **mark, label=word) for word, mark in MARKS.items() if word in met]
     if shown and len(columns) > 1:
-        figure.legend(handles=shown, loc="outside upper right", ncols=len(shown), frameon=False, fontsize=7)
+        options: dict[str, Any] = {"loc": f"outside {'lower' if title else 'upper'} right"}
+        figure.legend(handles=shown, ncols=len(shown), frameon=False, fontsize=7, **options)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left")
     return figure
 
 

@@ -84,19 +84,23 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
 
 @styled
 def curves(
-    panels: Mapping[str, Tables], ylabel: str | Sequence[str], levels: Mapping[str, float] | None = None, each: int = 1
+    panels: Mapping[str, Tables],
+    ylabel: str | Sequence[str],
+    levels: Mapping[str, float] | None = None,
+    each: int = 1,
+    log: bool = True,
 ) -> Figure:
     """Mean and 95 % interval over the runs, by episode. panels: tables by title and label.
 
     ylabel: of all panels, which then share their scale, or one each; levels: horizontal lines by name, drawn in every
-    panel; each: how many episodes a column of the tables stands for.
+    panel; each: how many episodes a column of the tables stands for; log: of what is positive, on a logarithmic scale.
     """
     shared = isinstance(ylabel, str)
     labels = [ylabel, *[""] * (len(panels) - 1)] if isinstance(ylabel, str) else ylabel
     figure, (grid,) = plt.subplots(1, len(panels), sharey=shared, squeeze=False, figsize=(TEXT_WIDTH, 2.7))
     alike = len({tuple(tables) for tables in panels.values()}) == 1
     for axes, label, (title, tables) in zip(grid, labels, panels.items(), strict=True):
-        ends = _learning(axes, tables, each)
+        ends = _learning(axes, tables, each, log)
         axes.set_title(title)
         for name, value in (levels or {}).items():
             drawing.level(axes, value, name)
@@ -106,7 +110,7 @@ def curves(
     return figure
 
 
-def _learning(axes: Axes, tables: Tables, each: int = 1) -> dict[str, tuple[float, float]]:
+def _learning(axes: Axes, tables: Tables, each: int = 1, log: bool = True) -> dict[str, tuple[float, float]]:
     """Draw mean and interval by episode; returns where each curve ends."""
     ends = {}
     for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
@@ -117,8 +121,9 @@ def _learning(axes: Axes, tables: Tables, each: int = 1) -> dict[str, tuple[floa
         ends[name] = float(episode[-1]), float(mean[-1])
     axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axes.set_yscale("log")
-    drawing.plain_log(axes, "y")
+    if log:
+        axes.set_yscale("log")
+        drawing.plain_log(axes, "y")
     return ends
 
 
@@ -242,15 +247,19 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
 
 
 @styled
-def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room, label: str) -> Figure:
-    """A number at each start, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place."""
+def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room | Sequence[Room], label: str) -> Figure:
+    """A number at each place, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place.
+
+    room: of all maps, or one each.
+    """
+    rooms = [room] * len(maps) if isinstance(room, Room) else room
     figure, (grid,) = plt.subplots(1, len(maps), squeeze=False, figsize=(TEXT_WIDTH, 2.7), layout="compressed")
     everything = np.concatenate([values for _, _, values in maps.values()])
     scale = Normalize(everything.min(), everything.max())
-    for axes, (title, (x, y, values)) in zip(grid, maps.items(), strict=True):
+    for axes, plan, (title, (x, y, values)) in zip(grid, rooms, maps.items(), strict=True):
         shown = axes.scatter(x, y, c=values, s=95, marker="s", norm=scale, linewidth=0)
-        drawing.draw_floor_plan(axes, room)
-        axes.set_title(f"{title}: mean {values.mean():.0f}")
+        drawing.draw_floor_plan(axes, plan)
+        axes.set_title(title)
     figure.colorbar(shown, ax=grid, label=label, shrink=0.8)
     return figure
 
@@ -267,4 +276,27 @@ def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Fi
     passing = light[similarity >= psi_upper]
     if passing.size:
         axes.set_title(f"Home passes for home from {passing.min():.2f} to {passing.max():.2f} of its brightness")
+    return figure
+
+
+@styled
+def stops_by_heading(panels: Mapping[str, Mapping[str, tuple[Array, Array]]], alarms: Mapping[str, float]) -> Figure:
+    """How many views that are not home's look more like it than home does, turned: by title and rule.
+
+    panels: the turn (degrees) and the share of those views (%). Below alarms, the share (%) that each rule lets pass, it
+    stops the robot.
+    """
+    figure, (grid,) = plt.subplots(1, len(panels), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.7))
+    least = min(alarms.values()) / 20
+    for axes, (title, rules) in zip(grid, panels.items(), strict=True):
+        ends = {}
+        for (name, (turned, shares)), (colour, dashes) in zip(rules.items(), LINES, strict=False):
+            drawn = np.maximum(shares, least)
+            axes.plot(turned, drawn, color=colour, linestyle=dashes)
+            ends[name] = float(turned[-1]), float(drawn[-1])
+        axes.set(title=title, xlabel="turned from home's heading (degrees)", yscale="log", ylim=(least, 130))
+        axes.set(xlim=(turned[0], turned[-1]), xticks=range(-90, 91, 45))
+        drawing.level(axes, alarms[title], "stops below")
+    drawing.label_ends(grid[-1], ends)
+    grid[0].set_ylabel("other views that look more like home (%)")
     return figure
