@@ -7,6 +7,7 @@
 #   make notebooks   execute the notebooks; they write figures/ and notebooks/executed/
 #   make quick       the same in some minutes and into .build/quick, for trying changes out
 #   make paper       the report
+#   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -36,9 +37,9 @@ unexport PYTHONPATH PYTHONHOME
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper demo bench class compact lock clean help FORCE
 
-all: .build/verified paper/report.pdf
+all: .build/verified paper/report.pdf .build/demo
 	@$(HOMING) summary
 	@echo "Report: paper/report.pdf"
 
@@ -98,6 +99,7 @@ class: .build/class/.ready
 # A stamp goes when a file that it lists is gone, so that the file is made again.
 $(foreach stamp,$(wildcard .build/notebooks/*),$(foreach file,$(file <$(stamp)),\
   $(if $(wildcard $(file)),,$(shell rm -f $(stamp)))))
+$(if $(wildcard notebooks/executed/demo.html),,$(shell rm -f .build/demo))
 
 
 ### Report
@@ -116,6 +118,13 @@ paper/report.pdf: .build/paper/report.pdf
 	@cp $< $@
 
 
+### The demonstration
+
+.build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/*) homing_lib/compact.atlas environment.lock
+	$(VENV) -m homing_lib.publish.page
+	@touch $@
+
+
 ### Names for the above
 
 data: .build/data
@@ -123,6 +132,7 @@ verify: .build/verified
 notebooks: $(NOTEBOOKS:%=.build/notebooks/%)
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
 paper: paper/report.pdf
+demo: .build/demo
 
 test: .venv/.ready
 	$(VENV) -m ruff check

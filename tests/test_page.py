@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ from homing_lib.atlas import COMPACT
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.lambdas import RULES, dot, parse
 from homing_lib.publish import page
+from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures
 from homing_lib.td import LinearTD
@@ -61,7 +63,7 @@ class Engine:
 
 @pytest.fixture(scope="module")
 def engine() -> Iterator[Engine]:
-    engine = Engine(page.core())
+    engine = Engine(page.scripts())
     yield engine
     engine.close()
 
@@ -296,6 +298,44 @@ def test_what_is_wrong_with_a_rule_is_said_in_a_sentence(engine, text, said):
     assert said in told[1]
 
 
+# --- The file --------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_is_one_small_file_that_asks_nobody_and_the_same_bytes_twice():
+    built = page.build()
+    assert built == page.build()
+    assert len(built.encode()) <= 6_000_000
+    for reaches_out in ("http:", "https:", "fetch(", "XMLHttpRequest", "import(", "WebSocket", "@import", "eval("):
+        assert reaches_out not in re.sub(r'"(atlas|textures)": "[^"]*"', "", built)
+    assert "// scripts" not in built
+    assert "// DATA" not in built
+
+
+def test_the_page_that_is_kept_is_what_its_sources_make():
+    """Textures aside: their last bits are the processor's."""
+    kept, built = (
+        re.sub(r'"textures": "[^"]*"', "", text) for text in (page.PAGE.read_text(encoding="utf-8"), page.build())
+    )
+    assert kept == built, "make demo"
+
+
+def test_the_drawing_shows_what_the_camera_sees(engine, arena):
+    room, textures = page.room_data(PAPER)
+    texels, settings = np.stack(textures).ravel().tolist(), Settings()
+    poses = (PAPER.home, PAPER.start, Pose(0.6, 0.3, 1.2), Pose(0.5, 0.7, 2.5))
+    drawn = engine(
+        f"""(() => {{
+          const texels = Uint8Array.from({json.dumps(texels)});
+          const camera = new Camera({json.dumps(room)}, texels, {page.SIDE}, {settings.model_dump_json()});
+          const pictures = {json.dumps([pose._asdict() for pose in poses])}.map((pose) => camera.picture(pose, 64));
+          return pictures.map((picture) => [...picture]);
+        }})()"""
+    )
+    for pose, pixels in zip(poses, drawn, strict=True):
+        seen, drawing = arena.image(pose)[:, :, :3], np.reshape(pixels, (64, 64, 4))[:, :, :3]
+        assert np.corrcoef(seen.ravel(), drawing.ravel())[0, 1] > 0.85
+
+
 # --- What a mistake does ---------------------------------------------------------------------------------------------
 
 MISTAKES = {
@@ -315,7 +355,7 @@ MISTAKES = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_in_the_page_is_noticed(mistake):
     right, wrong = MISTAKES[mistake]
-    source = page.core()
+    source = page.scripts()
     assert source.count(right) == 1
     broken = Engine(source.replace(right, wrong))
     try:

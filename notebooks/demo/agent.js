@@ -74,10 +74,10 @@ const CONTROLLERS = { sarsa: SarsaAgent, random: RandomAgent, climb: ClimbingAge
 
 // One experiment, a step at a time. `steps` are those of the episode under way, `episodes` the finished ones.
 class Experiment {
-  constructor(world, settings, seed, ownRule) {
+  constructor(world, settings, seed, ownRule, model) {
     const [surveySeed, agentSeed, worldSeed] = new SeedSequence(seed).spawn(3);
     this.settings = settings;
-    this.env = new HomingEnv(world, settings, surveySeed, worldSeed.generateState(1)[0]);
+    this.env = new HomingEnv(world, settings, surveySeed, worldSeed.generateState(1)[0], model);
     this.agent = new CONTROLLERS[settings.controller](settings, world.bins, new Generator(agentSeed), ownRule);
     this.episodes = [];
     this.diverged = 0;
@@ -139,7 +139,7 @@ class Experiment {
   }
 }
 
-// The whole run. Rows of each episode's steps as homing_lib.agent.STEP_COLUMNS has them.
+// The whole run.
 function run(world, settings, seed, ownRule) {
   const experiment = new Experiment(world, settings, seed, ownRule);
   while (!experiment.done) experiment.episode();

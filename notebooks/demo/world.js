@@ -236,13 +236,14 @@ function rewardOf(step, now, before, psiLower, atWall, settings) {
 const poseOf = ([x, y, heading]) => ({ x, y, heading });
 
 class HomingEnv {
-  constructor(world, settings, surveySeed, worldSeed) {
+  // model: what an earlier survey from the same seed has found, if there was one.
+  constructor(world, settings, surveySeed, worldSeed, model) {
     this.world = world;
     this.settings = settings;
     this.home = poseOf(world.room.home);
     this.start = poseOf(world.room.start);
     this.psi = stoppingThresholds(settings.multiplier);
-    this.model = survey(world, settings, this.home, new Generator(surveySeed));
+    this.model = model ?? survey(world, settings, this.home, new Generator(surveySeed));
     this.rng = new Generator(worldSeed);
     this.robot = new Robot(world, settings, this.home);
     this.seen = new Map(); // features and similarity, by lattice pose
