@@ -7,6 +7,7 @@
 #   make notebooks   execute the notebooks; they write figures/ and notebooks/executed/
 #   make quick       the same in some minutes and into .build/quick, for trying changes out
 #   make paper       the report
+#   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -45,9 +46,9 @@ $(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/r
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper demo bench class compact lock clean help FORCE
 
-all: .build/summary paper/report.pdf
+all: .build/summary paper/report.pdf .build/demo
 	@cat $<
 	@echo "Report: paper/report.pdf"
 
@@ -109,6 +110,7 @@ class: .build/class/.ready
 .build/quick/%.ipynb: notebooks/%.ipynb .build/data $(LIBRARY) environment.lock
 	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
 
+
 ### Report
 
 .build/numbers: .build/data $(LIBRARY)
@@ -126,6 +128,13 @@ paper/report.pdf: .build/paper/report.pdf
 	@cp $< $@
 
 
+### The demonstration
+
+.build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/*) homing_lib/compact.atlas environment.lock
+	$(VENV) -m homing_lib.publish.page
+	@touch $@
+
+
 ### Names for the above
 
 data: .build/data
@@ -133,6 +142,7 @@ verify: .build/verified
 notebooks: $(NOTEBOOKS:%=.build/notebooks/%)
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
 paper: paper/report.pdf
+demo: .build/demo
 
 test: .venv/.ready
 	$(VENV) -m ruff check

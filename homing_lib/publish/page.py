@@ -1,0 +1,121 @@
+"""The demonstration: one HTML file that plays the random walk and the robot in a browser, from disk and offline.
+
+`python -m homing_lib.publish.page` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
+they need of the library, DATA: settings, room, colours, verdicts, textures and the compact atlas.
+"""
+
+import json
+from base64 import b64encode
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from homing_lib.atlas import COMPACT
+from homing_lib.publish import drawing
+from homing_lib.rooms import PAPER, Room, Texture
+from homing_lib.settings import Settings
+from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.study import claims
+from homing_lib.surfaces import Image, paint
+
+SOURCES = ROOT / "notebooks" / "demo"
+PAGE = ROOT / "notebooks" / "executed" / "demo.html"
+
+CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "camera.js")
+"""The model in JavaScript, in the order in which it is read; it needs no browser."""
+
+VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
+"""What is shown of it, and how it is controlled."""
+
+SHOWN = {"walk": (2,), "robot": (3, 8, 9, 10, 12, 13)}
+"""The claims that a view shows."""
+
+SIDE = 128  # texels along a texture's side, every second one: an average would have no grain
+
+
+def scripts(names: tuple[str, ...] = CORE) -> str:
+    """These scripts as one."""
+    return "\n".join(source(name) for name in names)
+
+
+def source(name: str) -> str:
+    path = SOURCES / name
+    if not path.exists():
+        raise missing(path, "missing; restore it with git")
+    return path.read_text(encoding="utf-8")
+
+
+def build() -> str:
+    """The whole page."""
+    room, textures = room_data(PAPER)
+    data = {
+        "settings": Settings(images="compact").model_dump(mode="json"),
+        "room": room,
+        "side": SIDE,
+        "cividis": [
+            matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps["cividis"](np.arange(0, 256, 4))
+        ],
+        "claims": {view: [vars_of(claims.judge(number)) for number in numbers] for view, numbers in SHOWN.items()},
+        "textures": b64encode(np.stack(textures).tobytes()).decode(),
+        "atlas": b64encode(COMPACT.read_bytes()).decode(),
+    }
+    parts = {
+        "/* page.css */": palette() + source("page.css"),
+        "// DATA": f"const DATA = {json.dumps(data, sort_keys=True)};",
+        "// scripts": scripts(CORE + VIEW),
+    }
+    page = source("page.html")
+    for mark, content in parts.items():
+        page = page.replace(mark, content)
+    return page
+
+
+def vars_of(finding: claims.Finding) -> dict[str, Any]:
+    return {"claim": finding.claim, "verdict": finding.verdict, "effect": finding.effect}
+
+
+def palette() -> str:
+    """The colours of the figures as custom properties of CSS."""
+    names = ("BLUE", "ORANGE", "GREEN", "SKY", "GREY", "INK")
+    colours = "".join(f"--{name.lower()}: {getattr(drawing, name)}; " for name in names)
+    return f":root {{ {colours}--pink: {drawing.LINES[4][0]}; }}\n"
+
+
+def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
+    """A room as the page's camera reads it, and the textures that it counts, each SIDE x SIDE x 3."""
+    textures: list[Image] = []
+
+    def painted(texture: Texture, name: str) -> int:
+        textures.append(paint(texture, room.texture_seed, name)[::2, ::2])
+        return len(textures) - 1
+
+    def thing(one: Any) -> dict[str, Any]:
+        told = {name: value for name, value in vars(one).items() if name not in ("texture", "front")}
+        told |= {"kind": type(one).__name__, "texture": painted(one.texture, one.name)}
+        front = getattr(one, "front", None)
+        return told | {"front": painted(front, one.name) if front else told["texture"]}
+
+    def picture(number: int, one: Any) -> dict[str, Any]:
+        return {**vars(one), "texture": painted(one.texture, f"picture {number}"), "rgb": one.texture.rgb}
+
+    described = {
+        "size": room.size,
+        "wallHeight": room.wall_height,
+        "floor": painted(room.floor, "floor"),
+        "walls": {name: painted(texture, f"{name} wall") for name, texture in room.walls.items()},
+        "colours": {name: texture.rgb for name, texture in room.walls.items()},
+        "objects": [thing(one) for one in room.objects],
+        "pictures": [picture(number, one) for number, one in enumerate(room.pictures, start=1)],
+    }
+    return described, textures
+
+
+def write(path: Path = PAGE) -> None:
+    """Write the page. The same sources and data give the same bytes."""
+    write_bytes(path, build().encode())
+
+
+if __name__ == "__main__":
+    write()

@@ -1,0 +1,234 @@
+// A rule of one's own, typed as one expression of Python (JavaScript's signs are understood too). It is read and
+// computed here and never handed to the browser as code, so that a link with a rule in it can do no harm.
+
+const VECTORS = { phi: "phi", phi_prev: "phiPrev", trace_prev: "tracePrev" };
+const NUMBERS = { delta: "delta", delta_prev: "deltaPrev", discount: "discount" };
+const ALIASES = { deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount" };
+const FUNCTIONS = {
+  abs: [1, 1, Math.abs],
+  sign: [1, 1, Math.sign],
+  sqrt: [1, 1, Math.sqrt],
+  exp: [1, 1, Math.exp],
+  log: [1, 1, Math.log],
+  min: [2, 9, Math.min],
+  max: [2, 9, Math.max],
+};
+const WORDS = ["if", "else", "and", "or", "not"];
+
+class RuleError extends Error {}
+
+class Undefined extends Error {} // x/0 and the like: the guard stands in
+
+function defined(value) {
+  if (!Number.isFinite(value)) throw new Undefined();
+  return value;
+}
+
+function tokens(text) {
+  const pattern = /\s*(?:(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)|([A-Za-z_]\w*)|(\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!]))/iy;
+  const found = [];
+  text = text.trimEnd();
+  while (pattern.lastIndex < text.length) {
+    const at = pattern.lastIndex;
+    const match = pattern.exec(text);
+    if (!match) {
+      const odd = text.slice(at).trim()[0];
+      const hints = { "=": "To compare, write ==.", "^": "A power is written **.", "λ": "λ itself is what you compute.",
+        "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon.",
+        "δ": "Write delta." };
+      throw new RuleError(`“${odd}” cannot be read here. ${hints[odd] ?? ""}`.trim());
+    }
+    const [, number, name, sign] = match;
+    found.push(number ? { number: Number(number), text: number } : { name: Object.hasOwn(ALIASES, name) ? ALIASES[name] : name, text: name ?? sign });
+  }
+  return found;
+}
+
+// How many letters must change to make one word of the other.
+function distance(a, b) {
+  let row = Array.from({ length: b.length + 1 }, (_, j) => j);
+  for (let i = 1; i <= a.length; i++) {
+    const next = [i];
+    for (let j = 1; j <= b.length; j++)
+      next.push(Math.min(row[j] + 1, next[j - 1] + 1, row[j - 1] + (a[i - 1] !== b[j - 1])));
+    row = next;
+  }
+  return row[b.length];
+}
+
+// The rule that a text describes. Throws RuleError, a sentence for the reader.
+function ownRule(text) {
+  const list = tokens(text.replace(/^\s*return\b/, ""));
+  let at = 0;
+  const peek = (...texts) => at < list.length && list[at].number === undefined && texts.includes(list[at].text);
+  const take = (...texts) => (peek(...texts) ? list[at++].text : null);
+  const here = () => (at < list.length ? `before “${list[at].text}”` : "at the end");
+
+  const scalar = (node, what) => {
+    if (node.vector) throw new RuleError(`${node.vector} is a vector, and ${what} takes a number: dot(${node.vector}, phi) is one.`);
+    return node.value;
+  };
+  const need = (sign, why) => {
+    if (!take(sign)) throw new RuleError(`A “${sign}” is missing ${here()}${why}.`);
+  };
+
+  function choice() {
+    const first = either();
+    if (take("if")) {
+      const condition = scalar(either(), "if");
+      need("else", ": write a if condition else b");
+      const [yes, no] = [scalar(first, "if"), scalar(choice(), "else")];
+      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+    }
+    if (take("?")) {
+      const condition = scalar(first, "?");
+      const yes = scalar(choice(), "?");
+      need(":", ": write condition ? a : b");
+      const no = scalar(choice(), ":");
+      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+    }
+    return first;
+  }
+
+  function either() {
+    let left = both();
+    while (take("or", "||")) {
+      const [a, b] = [scalar(left, "or"), scalar(both(), "or")];
+      left = { value: (s) => a(s) || b(s) };
+    }
+    return left;
+  }
+
+  function both() {
+    let left = inverted();
+    while (take("and", "&&")) {
+      const [a, b] = [scalar(left, "and"), scalar(inverted(), "and")];
+      left = { value: (s) => a(s) && b(s) };
+    }
+    return left;
+  }
+
+  function inverted() {
+    if (!take("not", "!")) return comparison();
+    const a = scalar(inverted(), "not");
+    return { value: (s) => +!a(s) };
+  }
+
+  // As in Python, a < b < c means both.
+  function comparison() {
+    const compared = [total()], signs = [];
+    for (let sign; (sign = take("<", "<=", ">", ">=", "==", "===", "!=", "!==")); ) {
+      signs.push(sign.slice(0, 2));
+      compared.push(total());
+    }
+    if (!signs.length) return compared[0];
+    const parts = compared.map((node) => scalar(node, signs[0]));
+    const holds = { "<": (a, b) => a < b, "<=": (a, b) => a <= b, ">": (a, b) => a > b, ">=": (a, b) => a >= b,
+      "==": (a, b) => a === b, "!=": (a, b) => a !== b };
+    return { value: (s) => {
+      const values = parts.map((part) => part(s));
+      return +signs.every((sign, i) => holds[sign](values[i], values[i + 1]));
+    } };
+  }
+
+  function total() {
+    let left = product();
+    for (let sign; (sign = take("+", "-")); ) {
+      const [a, b] = [scalar(left, sign), scalar(product(), sign)];
+      left = { value: sign === "+" ? (s) => a(s) + b(s) : (s) => a(s) - b(s) };
+    }
+    return left;
+  }
+
+  function product() {
+    let left = signed();
+    for (let sign; (sign = take("*", "/", "%")); ) {
+      const [a, b] = [scalar(left, sign), scalar(signed(), sign)];
+      const modulo = (x, y) => x - y * Math.floor(x / y);
+      const apply = { "*": (x, y) => x * y, "/": (x, y) => defined(x / y), "%": (x, y) => defined(modulo(x, y)) }[sign];
+      left = { value: (s) => apply(a(s), b(s)) };
+    }
+    return left;
+  }
+
+  function signed() {
+    const sign = take("-", "+");
+    if (!sign) return power();
+    const a = scalar(signed(), sign);
+    return { value: sign === "-" ? (s) => -a(s) : a };
+  }
+
+  function power() {
+    const base = atom();
+    if (!take("**")) return base;
+    const [a, b] = [scalar(base, "**"), scalar(signed(), "**")];
+    return { value: (s) => defined(a(s) ** b(s)) };
+  }
+
+  function atom() {
+    const token = list[at];
+    if (!token) throw new RuleError(list.length ? "Something is missing at the end." : "Type what lambda shall be, such as 0.5 or delta / delta_prev.");
+    if (token.number !== undefined) {
+      at++;
+      return { value: () => token.number };
+    }
+    if (take("(")) {
+      const inner = choice();
+      need(")", "");
+      return inner;
+    }
+    if (!token.name || WORDS.includes(token.name)) throw new RuleError(`A number or a name is missing ${here()}.`);
+    at++;
+    return named(token.name);
+  }
+
+  function named(name) {
+    if (name === "True" || name === "False") return { value: () => +(name === "True") };
+    if (Object.hasOwn(NUMBERS, name)) {
+      const key = NUMBERS[name];
+      return { value: (s) => s[key] };
+    }
+    if (Object.hasOwn(VECTORS, name)) return { vector: name };
+    if (name === "dot") {
+      const [a, b] = parameters(name, 2, 2).map((node) => {
+        if (!node.vector) throw new RuleError("dot takes two vectors: phi, phi_prev or trace_prev.");
+        return VECTORS[node.vector];
+      });
+      return { value: (s) => dot(s[a], s[b]) };
+    }
+    if (Object.hasOwn(FUNCTIONS, name)) {
+      const [least, most, apply] = FUNCTIONS[name];
+      const parts = parameters(name, least, most).map((node) => scalar(node, name));
+      return { value: (s) => defined(apply(...parts.map((part) => part(s)))) };
+    }
+    const known = [...Object.keys(NUMBERS), ...Object.keys(VECTORS), ...Object.keys(FUNCTIONS), "dot"];
+    const nearest = known.toSorted((a, b) => distance(name, a) - distance(name, b))[0];
+    if (/^lamb?da/.test(name)) throw new RuleError("λ is what you compute here: write its value, such as delta / delta_prev.");
+    const guess = distance(name, nearest) <= Math.max(2, name.length / 3) ? `Did you mean ${nearest}? ` : "";
+    throw new RuleError(`“${name}” is not known. ${guess}There are ${known.join(", ")}.`);
+  }
+
+  function parameters(name, least, most) {
+    need("(", `: write ${name}(...)`);
+    const found = [];
+    if (!peek(")")) do found.push(choice()); while (take(","));
+    need(")", "");
+    if (found.length < least || found.length > most)
+      throw new RuleError(`${name} takes ${least === most ? least : `at least ${least}`} of them, not ${found.length}.`);
+    return found;
+  }
+
+  const value = scalar(choice(), "λ");
+  if (at < list.length) {
+    const closed = list[at].text === ")" ? "A “)” has no “(” before it." : `“${list[at].text}” does not fit there. Is an operator missing before it?`;
+    throw new RuleError(closed);
+  }
+  return (step) => {
+    try {
+      return defined(value(step));
+    } catch (error) {
+      if (error instanceof Undefined) return NaN;
+      throw error;
+    }
+  };
+}

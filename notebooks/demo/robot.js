@@ -1,0 +1,532 @@
+// The view of the robot: the room from above, what is seen there, the learning curve, and each step's delta and lambda.
+
+const SEEN = 96; // pixels of a drawn picture
+
+const robotView = {
+  world: null, // the atlas, once it is unpacked
+  experiment: null,
+  models: new Map(), // of surveys, by seed
+  references: new Map(), // steps of climb, random and shortest, by all that they depend on
+  before: null, // {name, lengths} of the run before a change
+  hand: null, // a pose that is being dragged
+  kidnaps: [],
+
+  settings(changes = {}) {
+    return {
+      ...DATA.settings,
+      alpha0: state.alpha0,
+      multiplier: state.multiplier,
+      epsilon0: state.epsilon,
+      update: state.update,
+      ...changes,
+    };
+  },
+
+  begin(settings, rule) {
+    const experiment = new Experiment(this.world, settings, state.seed, rule, this.models.get(state.seed));
+    this.models.set(state.seed, experiment.env.model);
+    const start = readPose(state.start);
+    if (start && experiment.env.fits(start)) experiment.env.start = start;
+    return experiment;
+  },
+
+  // Make the run anew, as far as it had come, with the kidnaps in their places.
+  rebuild() {
+    if (!this.world) return;
+    const { rule, name, onZero, clip } = chosenRule();
+    const options = `${onZero ? `:on_zero=${onZero}` : ""}${clip ? "" : ":unclipped"}`;
+    this.experiment = this.begin(this.settings({ lambda_rule: name + options }), state.rule === "own" ? rule : undefined);
+    this.kidnaps = state.kidnap.split(";").filter(Boolean).map((one) => {
+      const [step, pose] = one.split(":");
+      return { step: Number(step), pose: readPose(pose ?? "") };
+    }).filter(({ step, pose }) => step >= 0 && pose && this.experiment.env.fits(pose));
+    const made = state.made;
+    state.made = 0;
+    while (state.made < made && this.advance());
+    this.refer();
+    this.show();
+  },
+
+  // After a change: from the beginning, and to the end if the run before had come to its end.
+  change() {
+    const { experiment } = this;
+    const whole = experiment && experiment.done;
+    if (experiment && experiment.episodes.length && this.shown !== undefined)
+      this.before = { name: this.shown, lengths: experiment.episodes.map((one) => one.steps.length) };
+    Object.assign(state, { made: 0, kidnap: "" });
+    this.rebuild();
+    if (whole) player.rush();
+  },
+
+  // One step; false where the run is over.
+  advance() {
+    const { experiment } = this;
+    for (const { step, pose } of this.kidnaps) if (step === state.made && experiment.underWay) experiment.kidnap(pose);
+    if (!experiment.step()) return false;
+    state.made++;
+    return true;
+  },
+
+  step() {
+    if (!this.world) return;
+    this.advance();
+    this.show();
+  },
+
+  finish() {
+    if (!this.world) return;
+    const episodes = this.experiment.episodes.length;
+    while (this.advance() && this.experiment.episodes.length === episodes);
+    this.show();
+  },
+
+  restart() {
+    Object.assign(state, { made: 0, kidnap: "" });
+    this.rebuild();
+  },
+
+  // Where the hand lets go: a kidnap in mid-episode, else a new start for the whole run.
+  put(pose) {
+    this.hand = null;
+    const { env, underWay } = this.experiment;
+    if (!env.fits(pose)) return say("The robot does not fit there; put it where it touches nothing.");
+    say("");
+    const told = [pose.x, pose.y, pose.heading].map((value) => Number(value.toFixed(4)));
+    if (underWay) {
+      const kidnap = { step: state.made, pose: poseOf(told) };
+      this.kidnaps = [...this.kidnaps.filter(({ step }) => step !== state.made), kidnap];
+      this.experiment.kidnap(kidnap.pose);
+      state.kidnap = this.kidnaps.map(({ step, pose: p }) => `${step}:${p.x},${p.y},${p.heading}`).join(";");
+      this.show();
+    } else {
+      state.start = told.join(",");
+      this.change();
+    }
+  },
+
+  // Somewhere free, the same place for the same seed and step.
+  kidnap() {
+    if (!this.world) return;
+    if (!this.experiment.underWay) return say("A kidnap needs a robot that is under way: press Step or Play first.");
+    const rng = new Generator(new SeedSequence(state.seed, [state.made]));
+    this.put(freePose(this.world, this.world.room.size, rng));
+  },
+
+  // What climbing, chance and the shortest way need from this start, worked out between frames.
+  refer() {
+    const key = [state.seed, state.start, state.multiplier].join(" ");
+    this.reference = this.references.get(key);
+    if (this.reference) return;
+    this.reference = { climb: NaN, random: NaN, shortest: NaN };
+    this.references.set(key, this.reference);
+    const runs = ["climb", "random"].map((controller) => [controller, this.begin(this.settings({ controller }))]);
+    const reference = this.reference;
+    const next = () => {
+      if (document.hidden || player.mode) return setTimeout(next, 200);
+      const [controller, one] = runs[0];
+      const until = performance.now() + 15;
+      while (performance.now() < until && one.step());
+      if (one.done) {
+        reference[controller] = sum(one.episodes.map((episode) => episode.steps.length)) / one.episodes.length;
+        runs.shift();
+        this.curve.refresh();
+      }
+      if (runs.length) return setTimeout(next, 20);
+      setTimeout(() => {
+        reference.shortest = shortest(one.env);
+        this.curve.refresh();
+      }, 50);
+    };
+    setTimeout(next, 300);
+  },
+
+  show() {
+    this.shown = ruleName();
+    for (const chart of ["room", "view", "curve", "stepsChart"]) this[chart].refresh();
+    noteAddress();
+  },
+
+  get steps() {
+    const { experiment } = this;
+    return experiment?.steps ?? [];
+  },
+
+  get pose() {
+    return this.experiment.steps ? this.experiment.env.robot.pose : this.experiment.env.start;
+  },
+
+  // The lattice's similarities: the best over all headings, or at one heading, for each position; NaN outside.
+  similarities() {
+    const { world, experiment: { env: { model } } } = this;
+    if (this.mapped !== model) {
+      this.mapped = model;
+      this.all = Float64Array.from({ length: world.size }, (_, number) => similarity(features(world.view(number), model)));
+    }
+    const turn = ((rounded((this.pose.heading - world.heading0) * world.perRadian) % world.headings) + world.headings) % world.headings;
+    return world.positions.map((first) => {
+      if (first < 0) return NaN;
+      return state.map === "best" ? Math.max(...this.all.subarray(first, first + world.headings)) : this.all[first + turn];
+    });
+  },
+
+  table() {
+    const columns = ["episode", "step", "x", "y", "heading", "action", "reward", "similarity", "delta", "lambda", "reset", "change", "at_wall"];
+    const { experiment } = this;
+    const episodes = experiment ? experiment.episodes.map((one) => one.steps) : [];
+    if (experiment?.underWay) episodes.push(experiment.steps);
+    const row = (s) => [s.x, s.y, s.heading, s.action, s.reward, s.similarity, s.delta, s.lambda, s.clipped, s.change, s.atWall];
+    return [columns, episodes.flatMap((steps, e) => steps.map((s, t) => [e + 1, t + 1, ...row(s)]))];
+  },
+};
+
+function readPose(words) {
+  const [x, y, heading] = words.split(",").map(Number);
+  return words.split(",").length === 3 && [x, y, heading].every(Number.isFinite) ? { x, y, heading: wrapped(heading) } : null;
+}
+
+// --- The room -------------------------------------------------------------------------------------------------------
+
+const WALL_M = 0.035, RADIUS_M = DATA.settings.body_diameter_m / 2;
+
+function roomScale(width) {
+  const [across, deep] = DATA.room.size;
+  const scale = width / (across + 2 * WALL_M);
+  return {
+    scale,
+    x: (metres) => (metres + WALL_M) * scale,
+    y: (metres) => (deep + WALL_M - metres) * scale,
+    back: (x, y) => ({ x: x / scale - WALL_M, y: deep + WALL_M - y / scale }),
+  };
+}
+
+const rgb = (parts) => `rgb(${parts.map((part) => Math.round(255 * part)).join(" ")})`;
+
+const ahead = ({ x, y, heading }, metres, turn = 0) => [x + metres * Math.cos(heading + turn), y + metres * Math.sin(heading + turn)];
+
+function paintRoom(ctx, width) {
+  const { x, y, scale } = roomScale(width), u = unit(), { room } = DATA, [across, deep] = room.size;
+  const block = (left, low, wide, tall, fill) => {
+    ctx.fillStyle = fill;
+    ctx.fillRect(x(left), y(low + tall), wide * scale, tall * scale);
+  };
+  const sides = {
+    east: [across, -WALL_M, WALL_M, deep + 2 * WALL_M], west: [-WALL_M, -WALL_M, WALL_M, deep + 2 * WALL_M],
+    north: [-WALL_M, deep, across + 2 * WALL_M, WALL_M], south: [-WALL_M, -WALL_M, across + 2 * WALL_M, WALL_M],
+  };
+  block(0, 0, across, deep, colour("floor"));
+  if (robotView.experiment && state.map !== "none") paintMap(ctx, x, y, scale);
+  for (const [name, side] of Object.entries(sides)) block(...side, rgb(room.colours[name]));
+  for (const { wall, along, size: [wide], rgb: paint } of room.pictures) {
+    const [left, low, length, tall] = sides[wall], from = along - wide / 2;
+    if (wall === "north" || wall === "south") block(from, low, wide, tall, rgb(paint));
+    else block(left, from, length, wide, rgb(paint));
+  }
+  ctx.strokeStyle = colour("ink");
+  ctx.lineWidth = u;
+  for (const thing of room.objects) {
+    if (thing.kind === "Box") {
+      const [long, wide] = thing.size;
+      block(thing.x - long / 2, thing.y - wide / 2, long, wide, colour("thing"));
+      ctx.strokeRect(x(thing.x - long / 2), y(thing.y + wide / 2), long * scale, wide * scale);
+    } else disc(ctx, x(thing.x), y(thing.y), thing.radius * scale, colour("thing"), colour("ink"));
+  }
+  const at = (pose, metres, turn) => {
+    const [px, py] = ahead(pose, metres, turn);
+    return [x(px), y(py)];
+  };
+  const shape = (corners) => {
+    line(ctx, [...corners, corners[0]]);
+    ctx.fillStyle = "#ffffff";
+    ctx.fill();
+    ctx.stroke();
+  };
+  const home = poseOf([0.85, 0.5, 0]), { experiment } = robotView;
+  if (experiment) Object.assign(home, experiment.env.home);
+  ctx.strokeStyle = "#222222";
+  ctx.lineWidth = 1.6 * u;
+  shape([1, 3, 5, 7].map((k) => at(home, RADIUS_M * Math.SQRT2, (k * Math.PI) / 4)));
+  line(ctx, [[x(home.x), y(home.y)], at(home, RADIUS_M)]);
+  if (!experiment) return title("r-room", "The table of views is being unpacked …");
+  const start = experiment.env.start;
+  shape([0, 2.4, -2.4].map((turn) => at(start, 1.3 * RADIUS_M, turn)));
+
+  experiment.episodes.slice(-5).forEach(({ steps, from }) => {
+    if (steps === experiment.steps) return;
+    ctx.globalAlpha = 0.55;
+    curve(ctx, [from, ...steps].map((pose) => [x(pose.x), y(pose.y)]), colour("edge"), 1.2);
+    ctx.globalAlpha = 1;
+  });
+  if (experiment.steps) {
+    const points = [experiment.from, ...experiment.steps].map((pose) => [x(pose.x), y(pose.y)]);
+    curve(ctx, points, "#ffffff", 4.5);
+    curve(ctx, points, "#0072B2", 2.5);
+  }
+  const { pose } = robotView;
+  paintSight(ctx, at, pose);
+  paintRobot(ctx, at, pose, scale, "#D55E00");
+  const held = robotView.hand ?? (experiment.underWay ? pose : start);
+  ctx.lineWidth = 2 * u;
+  ring(ctx, at(held, handleAt(scale)), u);
+  if (robotView.hand) {
+    ctx.globalAlpha = 0.75;
+    paintRobot(ctx, at, robotView.hand, scale, experiment.env.fits(robotView.hand) ? "#009E73" : "#000000");
+    ctx.globalAlpha = 1;
+  }
+  if (state.map !== "none") paintLegend(ctx, x, y, u);
+  title("r-room", roomTitle());
+}
+
+// A ring ahead of what can be turned, far enough from its middle for a thumb.
+const handleAt = (scale) => Math.max(0.075, (34 * unit()) / scale);
+
+function ring(ctx, [x, y], u) {
+  disc(ctx, x, y, 6 * u, "rgb(255 255 255 / 0.7)", "#222222");
+}
+
+function paintRobot(ctx, at, pose, scale, fill) {
+  const [x, y] = at(pose, 0);
+  ctx.lineWidth = 1.5 * unit();
+  disc(ctx, x, y, RADIUS_M * scale, fill, "#ffffff");
+  ctx.strokeStyle = "#ffffff";
+  ctx.lineWidth = 2.5 * unit();
+  line(ctx, [[x, y], at(pose, RADIUS_M)]);
+}
+
+function paintSight(ctx, at, pose) {
+  const half = radians(DATA.settings.field_of_view_deg) / 2;
+  ctx.fillStyle = "rgb(255 255 255 / 0.28)";
+  ctx.beginPath();
+  ctx.moveTo(...at(pose, 0));
+  for (const turn of [half, half / 2, 0, -half / 2, -half]) ctx.lineTo(...at(pose, 0.22, turn));
+  ctx.fill();
+}
+
+function paintMap(ctx, x, y, scale) {
+  const { world, experiment: { env: { psi } } } = robotView;
+  const values = robotView.similarities(), side = world.spacing * scale, u = unit();
+  const found = values.filter((value) => !Number.isNaN(value));
+  const low = Math.min(...found), high = Math.max(...found);
+  robotView.range = [low, high];
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(x(0), y(DATA.room.size[1]), DATA.room.size[0] * scale, DATA.room.size[1] * scale);
+  ctx.clip();
+  values.forEach((value, p) => {
+    if (Number.isNaN(value)) return;
+    const px = x(world.x0 + Math.floor(p / world.ny) * world.spacing), py = y(world.y0 + (p % world.ny) * world.spacing);
+    ctx.fillStyle = cividis((value - low) / (high - low));
+    ctx.fillRect(px - side / 2, py - side / 2, side + 0.6, side + 0.6);
+  });
+  ctx.strokeStyle = "#ffffff";
+  ctx.lineWidth = 2 * u;
+  values.forEach((value, p) => {
+    if (!(value >= psi.upper)) return;
+    const px = x(world.x0 + Math.floor(p / world.ny) * world.spacing), py = y(world.y0 + (p % world.ny) * world.spacing);
+    ctx.strokeRect(px - side / 2, py - side / 2, side, side);
+  });
+  ctx.restore();
+}
+
+function paintLegend(ctx, x, y, u) {
+  const [low, high] = robotView.range, wide = 90 * u, left = x(0) + 8 * u, top = y(0) - 30 * u;
+  ctx.fillStyle = "rgb(255 255 255 / 0.85)";
+  ctx.fillRect(left - 4 * u, top - 4 * u, wide + 128 * u, 27 * u);
+  for (let k = 0; k < 30; k++) {
+    ctx.fillStyle = cividis(k / 29);
+    ctx.fillRect(left + (k * wide) / 30, top, wide / 30 + 0.5, 9 * u);
+  }
+  const dark = { fill: "#222222", base: "top", size: 11 };
+  text(ctx, low.toFixed(2), left, top + 10 * u, dark);
+  text(ctx, high.toFixed(2), left + wide, top + 10 * u, { ...dark, align: "right" });
+  ctx.strokeStyle = "#222222";
+  ctx.strokeRect(left + wide + 10 * u, top, 9 * u, 9 * u);
+  text(ctx, "stops there", left + wide + 25 * u, top - 2 * u, dark);
+}
+
+function roomTitle() {
+  const { experiment } = robotView, finished = experiment.episodes.length;
+  if (robotView.hand) return experiment.env.fits(robotView.hand) ? "Let go, or press Enter, to put the robot here" : "The robot does not fit here";
+  if (experiment.diverged) return `The weights left the finite numbers in episode ${experiment.diverged}: this rule and step size diverge`;
+  if (!experiment.steps) return "The robot starts with its back to home, the white square: press Play, or All 20";
+  if (!experiment.underWay) {
+    const last = experiment.episodes.at(-1), steps = count(last.steps.length, "step");
+    return last.reached ? `Episode ${finished}: it stopped after ${steps}, ${short(100 * apart(last.steps.at(-1), experiment.env.home), 2)} cm from home` : `Episode ${finished}: cut after ${steps}, not at home`;
+  }
+  const now = experiment.steps.at(-1), wall = now?.atWall ? ", turning away from a wall" : "";
+  return `Episode ${finished + 1}, step ${experiment.steps.length}: similarity ${now ? now.similarity.toFixed(3) : "-"}, it stops at ${experiment.env.psi.upper.toFixed(3)}${wall}`;
+}
+
+const apart = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
+
+// --- What it sees ---------------------------------------------------------------------------------------------------
+
+let snapshot = null; // drawn once
+
+function pictureFrom(camera, pose, kept) {
+  if (kept && snapshot) return snapshot;
+  const picture = document.createElement("canvas");
+  picture.width = picture.height = SEEN;
+  picture.getContext("2d").putImageData(new ImageData(camera.picture(pose, SEEN), SEEN, SEEN), 0, 0);
+  if (kept) snapshot = picture;
+  return picture;
+}
+
+function paintView(ctx, width, height) {
+  const { experiment, camera } = robotView;
+  if (!experiment) return;
+  const u = unit(), { env } = experiment, { pose } = robotView, gap = 14 * u;
+  const side = Math.min(0.36 * height, (width - gap) / 2);
+  [[pose, "the robot’s view"], [env.home, "the snapshot of home"]].forEach(([from, name], k) => {
+    const left = k * (side + gap);
+    ctx.imageSmoothingEnabled = false;
+    ctx.drawImage(pictureFrom(camera, from, k === 1), left, 18 * u, side, side);
+    text(ctx, name, left, 13 * u, { base: "bottom" });
+  });
+  const view = env.world.histogram(pose), { snapshot } = env.model, phi = features(view, env.model);
+  const nrb = similarity(phi), bins = view.length / 3;
+  const top = side + 52 * u, low = top + 0.5 * (height - top - 60 * u);
+  const most = Math.max(...view, ...snapshot);
+  ["red", "green", "blue"].forEach((name, channel) => {
+    const wide = (width - 2 * gap) / 3, left = channel * (wide + gap);
+    const px = (i) => left + (i / (bins - 1)) * wide, py = (value) => low - (value / most) * (low - top);
+    const points = (values) => Array.from({ length: bins }, (_, i) => [px(i), py(values[channel * bins + i])]);
+    ctx.strokeStyle = colour("line");
+    line(ctx, [[left, low], [left + wide, low]]);
+    curve(ctx, points(snapshot), colour("soft"), 1.4, [3, 2]);
+    curve(ctx, points(view), colour("blue-line"), 1.8);
+    text(ctx, name, left, top - 4 * u, { base: "bottom" });
+  });
+  text(ctx, "pixels by brightness; dashed: the snapshot", 0, low + 4 * u, { base: "top", size: 11, fill: colour("soft") });
+  const under = low + 40 * u, bottom = height - 22 * u;
+  phi.forEach((value, i) => {
+    ctx.fillStyle = cividis(value);
+    ctx.fillRect((i / phi.length) * width, under, width / phi.length + 0.6, bottom - under);
+  });
+  text(ctx, `its ${phi.length} features: bright where a bin is as at home`, 0, bottom + 4 * u, { base: "top", size: 11, fill: colour("soft") });
+  const { upper, lower } = env.psi;
+  const judged = nrb >= upper ? "enough to stop" : nrb >= lower ? "almost enough to stop" : `it stops at ${upper.toFixed(3)}`;
+  title("r-view", `What it sees is ${nrb.toFixed(3)} similar to home, ${judged}`);
+}
+
+// --- Learning, and the steps ----------------------------------------------------------------------------------------
+
+function paintCurve(ctx, width, height) {
+  const { experiment, before, reference } = robotView;
+  if (!experiment) return;
+  const u = unit(), left = 52 * u, right = width - 122 * u;
+  const lengths = experiment.episodes.map((one) => one.steps.length), episodes = experiment.settings.episodes;
+  const most = Math.max(400, ...lengths, ...(before?.lengths ?? []));
+  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [1, episodes], y: [10, most * 1.1], log: true,
+    xTicks: [1, 5, 10, 15, 20], yTicks: [10, 30, 100, 300, 1000].filter((value) => value < most), xLabel: "episode", yLabel: "steps of an episode (logarithmic)" });
+  const ends = [];
+  const levels = { random: ["random", "pink-line", [2, 3]], climb: ["climb", "green-line", [7, 3]], shortest: ["shortest way", "ink", [12, 4]] };
+  for (const [name, [label, paint, dash]] of Object.entries(levels)) {
+    const value = reference[name];
+    if (!Number.isFinite(value)) continue;
+    curve(ctx, [[left, box.y(value)], [right, box.y(value)]], colour(paint), 1.6, dash);
+    ends.push([`${label} ${short(value, 3)}`, box.y(value), colour(paint)]);
+  }
+  const drawn = (values, paint, thick) => {
+    const points = values.map((value, k) => [box.x(k + 1), box.y(Math.max(10, value))]);
+    curve(ctx, points, paint, thick);
+    return points;
+  };
+  if (before) ends.push([`before: ${before.name}`, drawn(before.lengths, colour("edge"), 1.8).at(-1)[1], colour("soft")]);
+  const points = drawn(lengths, colour("blue-line"), 2.6);
+  ctx.lineWidth = 2 * u;
+  points.forEach(([px, py], k) => disc(ctx, px, py, 4 * u, experiment.episodes[k].reached ? colour("blue-line") : colour("paper"), colour("blue-line")));
+  if (points.length) ends.push([ruleName(), points.at(-1)[1], colour("blue-line")]);
+  if (ends.length) labelEnds(ctx, ends, right + 10 * u, 22 * u, height - 44 * u);
+  title("r-curve", curveTitle(lengths, episodes, reference));
+}
+
+function curveTitle(lengths, episodes, { climb, shortest }) {
+  const mean = (values) => sum(values) / values.length;
+  if (!lengths.length) return "The learning curve, beside a climb up the similarity, chance and the shortest way";
+  if (lengths.length < episodes) return `${count(lengths.length, "episode")} so far, ${short(mean(lengths))} steps on average`;
+  const late = mean(lengths.slice(-5)), beside = Number.isFinite(climb) ? `; a climb ${short(climb)}, the shortest way ${short(shortest)}` : "";
+  return `The first five episodes take ${short(mean(lengths.slice(0, 5)))} steps, the last five ${short(late)}${beside}`;
+}
+
+function paintSteps(ctx, width, height) {
+  const { experiment, steps } = robotView;
+  if (!experiment) return;
+  const u = unit(), { psi } = experiment.env;
+  const { left, right, first, x } = timeAxis(width, steps.length), seen = steps.slice(first);
+  const low = Math.min(0.6, ...seen.map((step) => step.similarity)), third = (height - 20 * u) / 3;
+  const box = panel(ctx, { left, right, top: 20 * u, bottom: third - 6 * u, x: [0, 1], y: [low, 1], yTicks: ticks(low, 1, 2), yLabel: "similarity, and the two thresholds" });
+  for (const level of [psi.upper, psi.lower]) curve(ctx, [[left, box.y(level)], [right, box.y(level)]], colour("ink"), 1, [5, 3]);
+  curve(ctx, seen.map((step, t) => [x(t + first), box.y(step.similarity)]), colour("green-line"), 2);
+  stems(ctx, seen, (t) => x(t + first), { left, right, top: third + 26 * u, middle: 2 * third + 16 * u, bottom: height - 20 * u });
+  text(ctx, steps.length ? `step ${first + 1}` : "", left, height - 2 * u, { base: "bottom", fill: colour("soft") });
+  if (steps.length > 1) text(ctx, steps.length, x(steps.length - 1), height - 2 * u, { base: "bottom", align: "center", fill: colour("soft") });
+  const later = steps.slice(1), reset = later.filter((step) => step.clipped).length;
+  const mean = later.length ? sum(later.map((step) => step.lambda)) / later.length : 0;
+  title("r-steps", later.length
+    ? `Mean λ ${short(mean, 2)}, reset at ${reset} of ${count(later.length, "step")}; the trace reaches back ${count(behind(steps), "step")}`
+    : "Similarity, TD error and λ of each step");
+}
+
+// Over how many steps the last error is shared with at least a hundredth of its weight.
+function behind(steps) {
+  let weight = 1, number = 0;
+  for (let k = steps.length - 1; k > 0 && weight >= 0.01; k--, number++) weight *= steps[k].lambda;
+  return Math.max(0, weight < 0.01 ? number - 1 : number);
+}
+
+// --- Hands ----------------------------------------------------------------------------------------------------------
+
+function setUpRobot() {
+  robotView.room = new Chart("r-room", (DATA.room.size[1] + 2 * WALL_M) / (DATA.room.size[0] + 2 * WALL_M), paintRoom);
+  robotView.view = new Chart("r-view", 430, paintView);
+  robotView.curve = new Chart("r-curve", 400, paintCurve);
+  robotView.stepsChart = new Chart("r-steps", 400, paintSteps);
+  const { canvas } = robotView.room;
+  let turning = false;
+  const grip = () => (robotView.experiment.underWay ? robotView.pose : robotView.experiment.env.start);
+  const place = (event) => roomScale(canvas.clientWidth).back(event.offsetX, event.offsetY);
+  canvas.addEventListener("pointerdown", (event) => {
+    if (!robotView.experiment) return;
+    const { scale } = roomScale(canvas.clientWidth), point = place(event), held = grip();
+    const [hx, hy] = ahead(held, handleAt(scale));
+    const near = Math.max(RADIUS_M, (22 * unit()) / scale);
+    turning = apart(point, { x: hx, y: hy }) < near && apart(point, { x: hx, y: hy }) < apart(point, held);
+    if (!turning && apart(point, held) > near) return;
+    player.pause();
+    canvas.setPointerCapture(event.pointerId);
+    robotView.hand = { ...held };
+    robotView.room.refresh();
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!robotView.hand || !canvas.hasPointerCapture(event.pointerId)) return;
+    const { hand } = robotView, point = place(event);
+    if (turning) hand.heading = Math.atan2(point.y - hand.y, point.x - hand.x);
+    else Object.assign(hand, point);
+    robotView.room.refresh();
+  });
+  const drop = (event) => {
+    if (!robotView.hand || !canvas.hasPointerCapture(event.pointerId)) return;
+    canvas.releasePointerCapture(event.pointerId);
+    const { hand } = robotView, held = grip();
+    if (apart(hand, held) < 0.005 && hand.heading === held.heading) robotView.hand = null;
+    else robotView.put(hand);
+    robotView.room.refresh();
+  };
+  canvas.addEventListener("pointerup", drop);
+  canvas.addEventListener("pointercancel", () => ((robotView.hand = null), robotView.room.refresh()));
+  canvas.addEventListener("keydown", (event) => {
+    const move = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], ",": [0, 0, 1], ".": [0, 0, -1] }[event.key];
+    if (!robotView.experiment) return;
+    if (event.key === "Enter" && robotView.hand) robotView.put(robotView.hand);
+    else if (event.key === "Escape" && robotView.hand) robotView.hand = null;
+    else if (move) {
+      player.pause();
+      const hand = (robotView.hand ??= { ...grip() });
+      hand.x += 0.02 * move[0];
+      hand.y += 0.02 * move[1];
+      hand.heading = wrapped(hand.heading + radians(20) * move[2]);
+    } else return;
+    event.preventDefault();
+    robotView.room.refresh();
+  });
+}

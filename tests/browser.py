@@ -1,0 +1,151 @@
+"""A headless Chromium that a test drives: opens a page, acts like a user, and notes what the page says and asks for."""
+
+import base64
+import json
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import websocket  # comes with Jupyter
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+_QUIET = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--remote-debugging-port=0",
+    "--remote-allow-origins=*",
+]
+
+_KEYS = {"Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
+
+
+class Browser:
+    """One page in a browser of its own."""
+
+    def __init__(self, profile: Path, width: int = 1280, height: int = 900, dark: bool = False) -> None:
+        assert CHROMIUM is not None
+        self.said: list[str] = []  # errors and warnings on the console
+        self.asked: list[str] = []  # addresses that were requested
+        self._process = subprocess.Popen(
+            [CHROMIUM, *_QUIET, f"--user-data-dir={profile}", "about:blank"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        ready = profile / "DevToolsActivePort"
+        for _ in range(300):
+            if ready.exists() and "\n" in ready.read_text(encoding="utf-8"):
+                break
+            time.sleep(0.1)
+        port = ready.read_text(encoding="utf-8").split()[0]
+        with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=30) as answer:
+            target = next(one for one in json.load(answer) if one["type"] == "page")
+        self._socket = websocket.create_connection(target["webSocketDebuggerUrl"], timeout=60)
+        self._number = 0
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+        self.resize(width, height)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[scheme])
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+        self._process.terminate()
+        self._process.wait(30)
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """One command of the DevTools protocol."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv())
+            if message.get("id") == self._number:
+                if "error" in message:
+                    raise RuntimeError(f"{method}: {message['error']}")
+                return message["result"]
+            self._note(message)
+
+    def _note(self, message: dict[str, Any]) -> None:
+        told = message.get("params", {})
+        match message.get("method"):
+            case "Runtime.exceptionThrown":
+                details = told["exceptionDetails"]
+                self.said.append(details.get("exception", {}).get("description", details["text"]))
+            case "Runtime.consoleAPICalled" if told["type"] in ("error", "warning"):
+                self.said.append(str([one.get("value") for one in told["args"]]))
+            case "Log.entryAdded" if told["entry"]["level"] in ("error", "warning"):
+                self.said.append(told["entry"]["text"])
+            case "Network.requestWillBeSent":
+                self.asked.append(told["request"]["url"])
+
+    def resize(self, width: int, height: int, scale: float = 1) -> None:
+        metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": width < 600}
+        self.call("Emulation.setDeviceMetricsOverride", **metrics)
+
+    def open(self, address: str) -> None:
+        self.call("Page.navigate", url="about:blank")
+        self.call("Page.navigate", url=address)
+        self.until("document.readyState === 'complete'")
+
+    def __call__(self, expression: str) -> Any:
+        """What an expression gives in the page."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(answer["exceptionDetails"]["exception"].get("description", "exception"))
+        return answer["result"].get("value")
+
+    def until(self, condition: str, seconds: float = 60) -> None:
+        """Wait until it holds."""
+        end = time.monotonic() + seconds
+        while not self(f"Boolean({condition})"):
+            if time.monotonic() > end:
+                raise TimeoutError(condition)
+            time.sleep(0.05)
+
+    def click(self, element: str) -> None:
+        x, y = self(
+            f"""(() => {{
+              const element = document.querySelector({json.dumps(element)});
+              element.scrollIntoView({{ block: "center" }});
+              const box = element.getBoundingClientRect();
+              return [box.x + box.width / 2, box.y + box.height / 2];
+            }})()"""
+        )
+        self.drag((x, y))
+
+    def drag(self, *places: tuple[float, float]) -> None:
+        """Press at the first place, move to the others, let go at the last."""
+        for kind, (x, y) in (
+            ("mousePressed", places[0]),
+            *(("mouseMoved", place) for place in places[1:]),
+            ("mouseReleased", places[-1]),
+        ):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            named = {"key": key, "windowsVirtualKeyCode": _KEYS.get(key, ord(key[0].upper()))}
+            letter = {"text": "\r" if key == "Enter" else key} if len(key) == 1 or key == "Enter" else {}
+            self.call("Input.dispatchKeyEvent", type="keyDown", **named, **letter)
+            self.call("Input.dispatchKeyEvent", type="keyUp", **named)
+
+    def type(self, text: str) -> None:
+        self.call("Input.insertText", text=text)
+
+    def screenshot(self, path: Path) -> None:
+        """The whole page, also what is below the fold."""
+        picture = self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"]
+        path.write_bytes(base64.b64decode(picture))
