@@ -36,9 +36,9 @@ unexport PYTHONPATH PYTHONHOME
 
 # Before all else: a stamp goes when a file that it lists is not as it was written, so that the file is made again; so
 # does a folder in a stamp's place.
-$(shell for stamp in .build/data .build/verified .build/numbers .build/notebooks/*; do \
+$(shell for stamp in .build/data .build/verified .build/numbers .build/demo .build/notebooks/*; do \
   [ ! -d "$$stamp" ] || rm -rf "$$stamp"; done)
-$(shell for stamp in $(wildcard .build/numbers .build/notebooks/*); do \
+$(shell for stamp in $(wildcard .build/numbers .build/demo .build/notebooks/*); do \
   cut -d ' ' -f 3- "$$stamp" | while read -r file; do cksum "$$file"; done 2>/dev/null | cmp -s - "$$stamp" || \
   rm -f "$$stamp"; done)
 $(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/report.pdf ] || rm -f paper/report.pdf)
@@ -132,7 +132,7 @@ paper/report.pdf: .build/paper/report.pdf
 
 .build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/*) homing_lib/compact.atlas environment.lock
 	$(VENV) -m homing_lib.publish.page
-	@touch $@
+	@cksum notebooks/executed/demo.html > $@
 
 
 ### Names for the above
