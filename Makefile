@@ -39,8 +39,8 @@ SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .PHONY: all test data verify notebooks quick paper demo bench class compact lock clean help FORCE
 
-all: .build/verified paper/report.pdf .build/demo
-	@$(HOMING) summary
+all: .build/summary paper/report.pdf .build/demo
+	@cat $<
 	@echo "Report: paper/report.pdf"
 
 
@@ -83,6 +83,10 @@ class: .build/class/.ready
 
 .build/verified: .build/data $(LIBRARY) $(if $(filter verify,$(MAKECMDGOALS)),FORCE)
 	$(HOMING) verify | tee $@.part
+	@mv $@.part $@
+
+.build/summary: .build/verified .build/data $(LIBRARY)
+	$(HOMING) summary > $@.part
 	@mv $@.part $@
 
 

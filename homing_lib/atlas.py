@@ -35,9 +35,9 @@ from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, read_arrays, write_arrays
 
 FOLDER = ROOT / ".build" / "atlas"
-
 _BLOCK = 3  # columns of the lattice that are rendered and kept together
 _OUTSIDE_M = -0.1  # the clearance outside the lattice, which is outside the room
+_source = cache(inspect.getsource)  # which parses the whole file
 
 
 def camera_available() -> bool:
@@ -199,7 +199,7 @@ def digest(room: Room, settings: Settings) -> str:
     rendered_by = [Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("arena.py", "surfaces.py")]
     parts = (
         settings.of_scope("view", "lattice"),
-        (room, INFRARED_ANGLES_DEG, rendered_by, [inspect.getsource(part) for part in made_by]),
+        (room, INFRARED_ANGLES_DEG, rendered_by, [_source(part) for part in made_by]),
         [_version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
     )
     return "-".join(map(hashed, parts))
@@ -210,6 +210,7 @@ def hashed(part: Any) -> str:
     return hashlib.sha256(repr(part).encode()).hexdigest()[:8]
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return version(package)

@@ -1,4 +1,5 @@
 import signal
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,14 @@ def _without_camera() -> Iterator[None]:
         if not camera_available() and str(error).startswith("the camera needs PyBullet"):
             pytest.skip("needs PyBullet")
         raise
+
+
+@pytest.fixture(autouse=True)
+def close_figures() -> Iterator[None]:
+    """Those that a test draws end with it; tests that draw none load no matplotlib."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(scope="session")

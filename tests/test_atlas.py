@@ -323,7 +323,7 @@ def test_an_outdated_atlas_is_replaced(stored, outdated_by, monkeypatch):
         room = replace(PAPER, texture_seed=1)
     else:
         source = atlas.inspect.getsource
-        monkeypatch.setattr(atlas.inspect, "getsource", lambda part: source(part) + "# changed")
+        monkeypatch.setattr(atlas, "_source", lambda part: source(part) + "# changed")
     before = opened(stored.parent)
     changed = opened(stored.parent, SETTINGS, room)
     assert not stored.exists()

@@ -3,7 +3,6 @@
 import matplotlib
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -14,6 +13,7 @@ from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
 from homing_lib.study.statistics import Interval
 from homing_lib.thresholds import Thresholds
+from tests.test_plots import PLOTS as OF_STUDIES
 
 RNG = np.random.default_rng(3)
 IMAGE = RNG.integers(0, 255, (8, 8, 4), dtype=np.uint8)
@@ -38,14 +38,8 @@ PLOTS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def close_all():
-    yield
-    plt.close("all")
-
-
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
+@pytest.mark.parametrize("plot", [*PLOTS.values(), *OF_STUDIES.values()], ids=[*PLOTS, *OF_STUDIES])
 def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
     figure = plot()
     assert figure.get_figwidth() <= TEXT_WIDTH

@@ -3,13 +3,11 @@
 import matplotlib
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from homing_lib.publish import figures, plots
-from homing_lib.publish.drawing import TEXT_WIDTH
+from homing_lib.publish import plots
 from homing_lib.publish.forests import Column, compared, forest
 from homing_lib.rooms import ROOMS
 from homing_lib.study.claims import Comparison
@@ -51,20 +49,6 @@ PLOTS = {
     "room": lambda: plots.over_room({"a": (X, Y, X), "b": (X, Y, Y)}, ROOMS["paper"], "share"),
     "light": lambda: plots.similarity_by_light(np.linspace(0.8, 1.2, 9), 1 - abs(np.linspace(-0.2, 0.2, 9)), 0.9),
 }
-
-
-@pytest.fixture(autouse=True)
-def close_all():
-    yield
-    plt.close("all")
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
-def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
-    figure = plot()
-    assert figure.get_figwidth() <= TEXT_WIDTH
-    figures.save(figure, tmp_path, "drawn")
 
 
 def marks(axes) -> list[tuple[str, bool]]:

@@ -18,7 +18,7 @@ from homing_lib.lambdas import parse
 from homing_lib.sarsa import LinearQ, LinearSarsa
 
 FEATURES, ACTIONS, STEPS, BLOCKS = 258, 3, 300, 100
-BOUND_US = 12.0
+PEER, BOUND = f"swifttd step, {ACTIONS * FEATURES} features", 0.5  # of a compiled learner with as many weights
 
 
 def episode(cls: type[LinearSarsa], rule: str, **options: str) -> Callable[[], None]:
@@ -47,28 +47,26 @@ def swift(features: int) -> Callable[[], None]:
 
 
 def rows() -> Iterator[tuple[str, float, str, float | None]]:
-    """(name, microseconds a step, unit, largest value allowed or None)."""
-    rules = ("fixed:0.9", "fletcher-reeves", "polak-ribiere", "hestenes-stiefel")
-    blocks = {f"LinearSarsa.update, {rule}": (episode(LinearSarsa, rule), BOUND_US) for rule in rules} | {
-        "LinearSarsa.update, fletcher-reeves, all actions": (
-            episode(LinearSarsa, "fletcher-reeves", update="all"),
-            BOUND_US,
-        ),
-        "LinearSarsa.update, fixed:0.9, true online": (episode(LinearSarsa, "fixed:0.9", traces="dutch"), BOUND_US),
-        "LinearQ.update, fletcher-reeves": (episode(LinearQ, "fletcher-reeves"), None),
-        f"swifttd step, {FEATURES} features": (swift(FEATURES), None),
-        f"swifttd step, {ACTIONS * FEATURES} features": (swift(ACTIONS * FEATURES), None),
+    """(name, microseconds a step or ratio of two, unit, largest value allowed or None)."""
+    learners = {
+        f"LinearSarsa.update, {rule}": episode(LinearSarsa, rule)
+        for rule in ("fixed:0.9", "fletcher-reeves", "polak-ribiere", "hestenes-stiefel")
+    } | {
+        "LinearSarsa.update, fletcher-reeves, all actions": episode(LinearSarsa, "fletcher-reeves", update="all"),
+        "LinearSarsa.update, fixed:0.9, true online": episode(LinearSarsa, "fixed:0.9", traces="dutch"),
+    }
+    blocks = learners | {
+        "LinearQ.update, fletcher-reeves": episode(LinearQ, "fletcher-reeves"),
+        f"swifttd step, {FEATURES} features": swift(FEATURES),
+        PEER: swift(ACTIONS * FEATURES),
     }
     best = dict.fromkeys(blocks, np.inf)
     for _ in range(BLOCKS):
-        for name, (block, _bound) in blocks.items():
+        for name, block in blocks.items():
             start = perf_counter()
             block()
             best[name] = min(best[name], (perf_counter() - start) / STEPS * 1e6)
-    for name, (_block, bound) in blocks.items():
-        yield name, best[name], "us", bound
-
-
-if __name__ == "__main__":
-    for name, value, unit, bound in rows():
-        print(f"{name:<60} {value:6.2f} {unit}" + ("" if bound is None else f"  (at most {bound:g})"))
+    for name, value in best.items():
+        yield name, value, "us", None
+    for name in learners:
+        yield f"{name} / {PEER}", best[name] / best[PEER], "", BOUND
