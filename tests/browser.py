@@ -43,7 +43,7 @@ class Browser:
             stderr=subprocess.DEVNULL,
         )
         ready = profile / "DevToolsActivePort"
-        for _ in range(300):
+        for _ in range(1200):
             if ready.exists() and "\n" in ready.read_text(encoding="utf-8"):
                 break
             time.sleep(0.1)

@@ -199,6 +199,7 @@ function setUpControls() {
   press("walk-step", paused(() => walkView.step()));
   press("robot-step", paused(() => robotView.step()));
   press("walk-one", paused(() => walkView.finish()));
+  press("walk-ten", paused(() => walkView.finish(10)));
   press("robot-one", paused(() => robotView.finish()));
   press("robot-all", () => player.rush());
   press("robot-kidnap", paused(() => robotView.kidnap()));

@@ -497,6 +497,8 @@ function setUpRobot() {
     robotView.hand = { ...held };
     robotView.room.refresh();
   });
+  // A finger that holds the robot does not scroll the page; elsewhere in the room it does.
+  canvas.addEventListener("touchstart", (event) => robotView.hand && event.preventDefault(), { passive: false });
   canvas.addEventListener("pointermove", (event) => {
     if (!robotView.hand || !canvas.hasPointerCapture(event.pointerId)) return;
     const { hand } = robotView, point = place(event);

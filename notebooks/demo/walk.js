@@ -45,11 +45,11 @@ const walkView = {
     this.show();
   },
 
-  // To the end of the walk under way, or of the next.
-  finish() {
+  // To the end of the walk under way, or of the next, and of more after it.
+  finish(more = 1) {
     state.pick = -1;
-    do this.advance();
-    while (this.walk.underWay && !this.lost);
+    const wanted = this.walk.walks + more;
+    while (this.walk.walks < wanted && !this.lost) this.advance();
     this.show();
   },
 
@@ -157,7 +157,7 @@ function paintChain(ctx, width, height) {
   title("w-chain", walkView.lost
     ? "The weights have left the finite numbers: this rule and step size diverge"
     : now ? `Walk ${walkView.walk.walks + +walkView.walk.underWay}, step ${t + 1}: from state ${now.state} ${where}; δ = ${short(now.delta)}, λ = ${short(now.lambda)}`
-      : "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play or Step");
+      : "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play, or 10 walks");
 }
 
 function paintTrace(ctx, width, height) {
