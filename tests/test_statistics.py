@@ -17,7 +17,6 @@ from homing_lib.study.statistics import (
     iqm,
     judged,
     knife_edge,
-    probability_of_improvement,
     ratio,
     ratio_at_best,
     side,
@@ -159,12 +158,6 @@ def test_an_end_within_two_per_cent_of_a_margin_is_named_a_knife_edge():
     assert knife_edge(Interval(0.9, 0.79, 0.99), margins=(0.8, 1)) == " (a knife edge at 0.8 and 1)"
     assert knife_edge(Interval(0.97, 0.96, 0.98), margins=(0.95,)) == " (a knife edge at 0.95)"
     assert knife_edge(Interval(1, 1, 1)) == "", "the same runs to the bit"
-
-
-def test_probability_of_improvement_counts_pairs_and_ties_half(rng):
-    ours, theirs = [1, 2, 3, 4], [2, 2, 2, 2]
-    assert probability_of_improvement(ours, theirs, rng).value == (1 + 0.5) / 4
-    assert probability_of_improvement([1, 1, 1], [2, 2, 2], rng) == (1, 1, 1)
 
 
 def test_one_run_has_a_mean_but_no_interval(rng):

@@ -18,7 +18,6 @@ import numpy as np
 import homing_lib.study
 from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.study import studies
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import Study, episodes_of, load_table
 from homing_lib.study.statistics import (
@@ -172,20 +171,6 @@ def compare_at_best(
 def of_steps(of: Any, ours: str, theirs: str, family: int = 1) -> Comparison:
     """Late steps of one condition as a multiple of another's."""
     return compare(late(of, ours), late(of, theirs), family)
-
-
-def of_change(of: Any, ours: str, theirs: str) -> Interval:
-    """The same of a run's parameter change, as a geometric mean: zero where theirs is unbounded."""
-    our, their = (episodes_of(of, condition, "change").sum(axis=1) for condition in (ours, theirs))
-    if not np.isfinite(their).all():
-        return Interval(0.0, 0.0, 0.0)
-    return Interval(*np.exp(interval_of(np.log(our / their))))
-
-
-def at_best_step_size(mapped: Any) -> dict[str, Array]:
-    """Late steps of each rule at that of its step sizes at which they are least. mapped: of `LAMBDA_MAP`."""
-    tried = {rule: [late(mapped, f"{rule} @ {alpha:g}") for alpha in studies.STEP_SIZES] for rule in studies.RULES}
-    return {rule: min(several, key=np.mean) for rule, several in tried.items()}
 
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:

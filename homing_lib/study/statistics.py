@@ -135,11 +135,6 @@ def _chosen_by_others(rows: Array, by: Array, halves: Sequence[Any], statistic: 
     return np.hstack([rows[least[1], halves[0]], rows[least[0], halves[1]]])
 
 
-def probability_of_improvement(ours: ArrayLike, theirs: ArrayLike, rng: np.random.Generator) -> Interval:
-    """How probably ours is the lesser (steps: the better) of a pair that shares a seed, ties counting half."""
-    return _bootstrap(rng, lambda a, b, axis: ((a < b) + (a == b) / 2).mean(axis=axis), ours, theirs)
-
-
 def _bootstrap(
     rng: np.random.Generator, statistic: Callable[..., Any], *samples: ArrayLike, family: int = 1
 ) -> Interval:
