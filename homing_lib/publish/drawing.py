@@ -185,8 +185,11 @@ def plain_log(axes: Axes, which: str, *, narrow: bool = False) -> None:
     low, high = axis.get_view_interval()
     wide = bool(high > (20 if narrow else 8) * low)
     fine = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
-    steps = (fine if high < 2.5 * low else (1, 2, 5), (1, 3)) if narrow else (fine, (1, 2, 5))
-    axis.set_major_locator(LogLocator(subs=steps[wide]))
+    if narrow and high < 2.5 * low:
+        steps = fine if high > 1.7 * low else (1, 1.1, 1.2, 1.3, *range(5, 10))
+    else:
+        steps = ((1, 2, 5), (1, 3))[wide] if narrow else (fine, (1, 2, 5))[wide]
+    axis.set_major_locator(LogLocator(subs=steps))
     axis.set_minor_locator(LogLocator(subs=tuple(range(1, 10))) if wide or narrow else NullLocator())
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
