@@ -283,8 +283,8 @@ def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Fi
 def stops_by_heading(panels: Mapping[str, Mapping[str, tuple[Array, Array]]], alarms: Mapping[str, float]) -> Figure:
     """How many views that are not home's look more like it than home does, turned: by title and rule.
 
-    panels: the turn (degrees) and the share of those views (%). Below alarms, the share (%) that each rule lets pass, it
-    stops the robot.
+    panels: the turn (degrees) and the share of those views (%). Below alarms, the share (%) that each rule lets pass,
+    it stops the robot.
     """
     figure, (grid,) = plt.subplots(1, len(panels), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.7))
     least = min(alarms.values()) / 20
