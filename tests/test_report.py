@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
-from homing_lib.errors import UserError
-from homing_lib.publish import report
+from homing_lib.publish import answers, report
 from homing_lib.settings import Settings
 from homing_lib.study import claims, errata
 
@@ -99,12 +98,39 @@ def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():
 
 
 def test_the_readme_states_the_result_of_the_stored_runs():
-    try:
-        sentence = report.conclusion(report.stored_headline())
-    except UserError:
-        pytest.skip("no stored runs yet")
-    readme = " ".join((ROOT / "README.md").read_text().replace("\n> ", "\n").split())
-    assert sentence in readme, "write this sentence, the first of `homing summary`, under 'The result' of README.md"
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("\n> ", "\n").split())
+    for sentence in report.result():
+        assert sentence in readme, "write the first three sentences of `homing summary` under 'The result' of README.md"
+
+
+def test_every_figure_of_the_report_is_written_by_the_notebook_that_its_caption_names():
+    source, written = (ROOT / "paper/report.tex").read_text(encoding="utf-8"), report.figures_written()
+    for shown in re.findall(r"\\begin{figure}.*?\\end{figure}", source, re.DOTALL):
+        for name in re.findall(r"\\includegraphics\[.*?\]{([\w-]+)}", shown):
+            assert f"\\notebook{{{written[name]}}}" in shown
+
+
+def test_every_figure_that_a_notebook_writes_is_in_the_report_once():
+    source = (ROOT / "paper/report.tex").read_text(encoding="utf-8")
+    shown = re.findall(r"\\includegraphics\[[^]]*\]{([\w-]+)}", source)
+    assert sorted(shown + [name for name, _ in report.other_figures()]) == sorted(report.figures_written())
+
+
+def test_the_text_refers_to_every_figure_and_table_that_has_a_label():
+    source = (ROOT / "paper/report.tex").read_text(encoding="utf-8")
+    assert set(re.findall(r"\\label{(.+?)}", source)) == set(re.findall(r"\\(?:eq)?ref{(.+?)}", source))
+
+
+@pytest.mark.parametrize(
+    ("aspects", "told"),
+    [
+        (("yes", "yes", "no"), "its timing and its sign matter and its size does not matter"),
+        (("not shown",) * 3, "its timing, its sign and its size are not shown to matter"),
+        (("partly", "no", "yes"), "its size matters, its timing matters in part and its sign does not matter"),
+    ],
+)
+def test_what_matters_is_told_by_the_verdicts(aspects, told):
+    assert answers.matters(dict(zip(("its timing", "its sign", "its size"), aspects, strict=True))) == told
 
 
 def test_the_verdicts_name_every_judged_claim_once():
