@@ -239,9 +239,8 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
 
 def _seal(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """What is stored with arrays, by which they are known to be those that were written under this name."""
-    parts = sorted(arrays.items())
-    content = b"".join(repr((name, one.shape, one.dtype.str)).encode() + one.tobytes() for name, one in parts)
-    return {"name": path.stem, "sha256": hashlib.sha256(content).hexdigest()}
+    parts = (repr((name, a.shape, a.dtype.str)).encode() + a.tobytes() for name, a in sorted(arrays.items()))
+    return {"name": path.stem, "sha256": hashlib.sha256(b"".join(parts)).hexdigest()}
 
 
 def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
@@ -250,10 +249,10 @@ def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str
     columns = [range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)]
     blocks = {folder / f"{path.stem}-{some.start:04}-{some.stop:04}.npz": some for some in columns}
     todo = [part for part in blocks if _read(part) is None]
-    builders = joblib.Parallel(
-        workers, return_as="generator_unordered", initializer=begin_work, initargs=(os.getpid(),)
+    begin: dict[str, Any] = {"initializer": begin_work, "initargs": (os.getpid(),)}
+    rendered = joblib.Parallel(workers, return_as="generator_unordered", **begin)(
+        joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
     )
-    rendered = builders(joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo)
     for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(blocks), initial=len(blocks) - len(todo)):
         pass
     read = [read_arrays(part)[1] for part in blocks]
