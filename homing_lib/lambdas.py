@@ -92,7 +92,7 @@ def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Arra
     return _ratio(along_phi, discount * delta_prev * dot(phi_prev, phi_prev))
 
 
-# --- What form 2 is made of, one piece at a time: its sign, its size, and both the wrong way round ---------------------
+# --- What form 2 is made of: its sign, its size, and each without the other ------------------------------------------
 
 
 @named("gate")

@@ -36,7 +36,7 @@ _survey = partial(_field, scope="survey")  # beyond these, what the robot knows 
 def _added(default: Any, description: str, **bounds: Any) -> Any:
     """A field that came after runs had been stored: it is written only where it is not its default, so that they keep
     their names."""
-    extra = {"printed": None, "scope": "", "added": True}
+    extra: dict[str, Any] = {"printed": None, "scope": "", "added": True}
     return Field(default, description=description, json_schema_extra=extra, **bounds)
 
 

@@ -166,7 +166,7 @@ def test_without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_aft
     np.testing.assert_array_equal(told[:, 1], delta[:-1])
 
 
-@pytest.mark.parametrize(("bin_size", "empty"), [(3, False), (4, True), (6, True), (10, False), (16, True)])
+@pytest.mark.parametrize(("bin_size", "empty"), [(3, False), (4, True), (6, True), (10, True), (12, False), (16, True)])
 def test_unless_256_by_the_bin_size_is_rounded_down_the_last_bin_is_empty(bin_size, empty):
     """E28."""
     image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)

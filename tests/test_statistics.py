@@ -121,6 +121,13 @@ def test_one_half_of_the_runs_is_judged_at_the_row_that_the_other_half_chooses(r
     assert ratio_at_best(ours, np.ones((1, 4)), rng) == pytest.approx((9, 9, 9))
 
 
+def test_who_is_best_by_one_number_may_be_compared_by_another(rng):
+    late, total = np.array([[2.0] * 10, [1.0] * 10]), np.array([[3.0] * 10, [9.0] * 10])
+    assert ratio_at_best(total, np.ones((1, 10)), rng) == pytest.approx((3, 3, 3))
+    by_late = (late, np.ones((1, 10)))
+    assert ratio_at_best(total, np.ones((1, 10)), rng, chosen_by=by_late) == pytest.approx((9, 9, 9))
+
+
 def test_who_may_choose_among_many_alike_seems_no_better_for_it(rng):
     """One row against twelve of the same chance: whoever judges the least by the runs that chose it is fooled."""
     held, found, fooled = [], [], []

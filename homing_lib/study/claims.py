@@ -66,6 +66,8 @@ def claim(name: str, text: str, *needed: Study) -> Callable[[_Judge], _Judge]:
     """Stands above a judge: the claim or question, and the studies whose tables it takes."""
 
     def judged_by(judge: _Judge) -> _Judge:
+        if CLAIMS.get(name):
+            raise ValueError(f"{name} is judged already, by {CLAIMS[name].judge.__name__}")
         CLAIMS[name] = Claim(text, judge, needed)
         return judge
 
@@ -159,10 +161,12 @@ def compare(ours: Array, theirs: Array, family: int = 1) -> Comparison:
     return Comparison(*(ratio(ours, theirs, rng, statistic, family) for statistic in (iqm, np.mean)))
 
 
-def compare_at_best(ours: Array, theirs: Array, family: int = 1) -> Comparison:
+def compare_at_best(
+    ours: Array, theirs: Array, family: int = 1, chosen_by: tuple[Array, Array] | None = None
+) -> Comparison:
     """The same, each side at its best choice: shapes (k, runs) and (l, runs), a row per choice (`ratio_at_best`)."""
     rng = np.random.default_rng(0)
-    return Comparison(*(ratio_at_best(ours, theirs, rng, statistic, family) for statistic in (iqm, np.mean)))
+    return Comparison(*(ratio_at_best(ours, theirs, rng, one, family, chosen_by or ()) for one in (iqm, np.mean)))
 
 
 def of_steps(of: Any, ours: str, theirs: str, family: int = 1) -> Comparison:

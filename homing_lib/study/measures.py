@@ -56,7 +56,7 @@ def summary_table(result: Run) -> Columns:
     last WINDOW that did not reach home; sum of the weights' `change`; mean `lambda`; shares of the steps: `clipped`,
     `at_wall`, `band` (psi_lower <= NRB < psi_upper); `band_stay`: longest stay there, in steps; `diverged`.
     """
-    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier)
+    steps, psi = by_episode([result])[0], stopping_thresholds(result.settings.multiplier, result.settings.band)
     home = np.pad(result.reached, (0, len(steps) - len(result.reached)))
     nrb = result.column("similarity")
     band = (nrb >= psi.lower) & (nrb < psi.upper)

@@ -99,20 +99,27 @@ def ratio_at_best(
     rng: np.random.Generator,
     statistic: Callable[..., Any] = np.mean,
     family: int = 1,
+    chosen_by: Sequence[ArrayLike] = (),
 ) -> Interval:
     """The same where each side may choose, a step size for instance: its least row over that of the other.
 
-    ours, theirs: shapes (k, runs) and (l, runs), a row per choice, column i of both of the same seed. Whoever chooses
+    ours, theirs: shapes (k, runs) and (l, runs), a row per choice, column i of both of the same seed. chosen_by: two
+    further arrays of these shapes, whose least rows are chosen instead: who is best by one number is compared by
+    another. Whoever chooses
     and judges by the same runs counts luck as merit, and the more so the more rows there are. Here every other run is
     judged at the row that the rest would choose, and the other way round; each replicate resamples both halves and
     chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100 studies of 50
     runs; if the chosen rows were resampled by the runs that chose them, in 75.
     """
-    both = [np.asarray(rows, dtype=np.float64) for rows in (ours, theirs)]
+    both, by = (
+        [np.asarray(rows, dtype=np.float64) for rows in of] for of in ((ours, theirs), chosen_by or (ours, theirs))
+    )
     runs = np.arange(both[0].shape[1])
 
     def quotient(halves: Sequence[Any]) -> Array:
-        our, their = (statistic(_chosen_by_others(rows, halves, statistic), axis=1) for rows in both)
+        our, their = (
+            statistic(_chosen_by_others(*pair, halves, statistic), axis=1) for pair in zip(both, by, strict=True)
+        )
         return np.asarray(our / their)
 
     (value,) = quotient([runs[None, ::2], runs[None, 1::2]])
@@ -121,9 +128,9 @@ def ratio_at_best(
     return Interval(float(value), float(low), float(high))
 
 
-def _chosen_by_others(rows: Array, halves: Sequence[Any], statistic: Callable[..., Any]) -> Array:
-    """Shape (replicates, runs): each half of the runs, from the row whose statistic is least in the other half."""
-    least = [np.argmin([statistic(row[half], axis=1) for row in rows], axis=0)[:, None] for half in halves]
+def _chosen_by_others(rows: Array, by: Array, halves: Sequence[Any], statistic: Callable[..., Any]) -> Array:
+    """Shape (replicates, runs): each half of the runs, from the row that is least in the other half, of `by`."""
+    least = [np.argmin([statistic(row[half], axis=1) for row in by], axis=0)[:, None] for half in halves]
     return np.hstack([rows[least[1], halves[0]], rows[least[0], halves[1]]])
 
 
