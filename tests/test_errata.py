@@ -57,7 +57,7 @@ def test_every_condition_that_is_named_after_an_erratum_is_told_by_it():
 def test_an_effect_is_a_number_with_its_verdict_and_widened_for_their_number():
     alone = errata.claims.of_steps(errata.load_table(errata.studies.PRINTED), "E19 home masked", "default")
     told = errata.effect(errata.named("E19"))
-    value, low, high = map(float, re.search(r"E19 home masked: ([\d.]+) \[([\d.]+), ([\d.]+)\]", told).groups())
+    value, low, high = map(float, re.search(r": home masked, ([\d.]+) \[([\d.]+), ([\d.]+)\]", told).groups())
     assert value == pytest.approx(alone.typical.value, abs=0.006)
     assert low < alone.typical.low
     assert alone.typical.high < high

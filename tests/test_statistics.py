@@ -158,6 +158,7 @@ def test_an_end_within_two_per_cent_of_a_margin_is_named_a_knife_edge():
     assert knife_edge(Interval(0.8, 0.7, 0.9), Interval(1.1, 1.01, 1.2)) == " (a knife edge at 1)"
     assert knife_edge(Interval(0.9, 0.79, 0.99), margins=(0.8, 1)) == " (a knife edge at 0.8 and 1)"
     assert knife_edge(Interval(0.97, 0.96, 0.98), margins=(0.95,)) == " (a knife edge at 0.95)"
+    assert knife_edge(Interval(1, 1, 1)) == "", "the same runs to the bit"
 
 
 def test_probability_of_improvement_counts_pairs_and_ties_half(rng):

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from homing_lib.storage import ROOT
-from homing_lib.study import claims, studies
-from homing_lib.study.measures import WINDOW
+from homing_lib.study import claims, judges, studies
 from homing_lib.study.runs import Study, load_table
 from homing_lib.study.statistics import knife_edge
 
@@ -44,12 +43,12 @@ class Erratum(NamedTuple):
 
 
 def effect(of: Erratum) -> str:
-    """What the readings that were run do to the steps, in words; nothing if none was."""
-    found = {
-        one.condition: claims.of_steps(load_table(one.study), one.condition, one.against, len(_SEEN)) for one in of.seen
-    }
-    told = "; ".join(f"{name}: {ratio:.2f}{knife_edge(*ratio)}, {ratio.word}" for name, ratio in found.items())
-    return f"Steps of the last {WINDOW} episodes, as a multiple: {told}. " if told else ""
+    """What the readings that were run do to the steps of the last episodes, in words; nothing if none was."""
+    told = []
+    for study, condition, against in of.seen:
+        ratio = claims.of_steps(load_table(study), condition, against, family=len(_SEEN))
+        told.append(f"{condition.removeprefix(f'{of.name} ')}, {ratio:.2f}{knife_edge(*ratio)}: {ratio.word}")
+    return f"Late steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
 
 def resolves(proof: str) -> bool:
@@ -144,7 +143,7 @@ ERRATA = (
         "three (m = 1) snapshots, three views",
         "One, by Table I, the abstract and section III; three are the earlier model's",
         "m = 1; m = 3 is an option, and run",
-        ("derivation: eq. (14) gives 258 features only for m = 1 and b = 3; m = 3 would give 774", "study parts"),
+        ("derivation: eq. (14) gives 258 features only for m = 1 and b = 3; m = 3 would give 774", "study snapshots"),
         (Seen(studies.PARTS, "three snapshots"),),
     ),
     Erratum(
@@ -272,7 +271,7 @@ ERRATA = (
         "2 NRB_t - NRB_(t-1) in every step that stays in the band between the thresholds",
         "With gamma = 1 it pays .9 a step to loiter before home and never to arrive",
         "as printed; whether the robot takes the offer is counted",
-        (_errata("a_robot_that_loiters_in_the_band_earns_without_end"),),
+        (_errata("a_robot_that_loiters_in_the_band_earns_without_end"), "study band"),
     ),
     Erratum(
         "E22",
@@ -281,7 +280,7 @@ ERRATA = (
         "The sum grows like ln T, without bound but slowly: an episode of 2000 steps costs less than twice one of 40",
         "as printed; a constant cost is an option, and run",
         (_errata("fifty_times_the_steps_cost_less_than_twice_as_much"),),
-        (Seen(studies.PARTS, "constant cost"),),
+        (Seen(judges.AGAIN, "constant cost", "form 2"),),
     ),
     Erratum(
         "E23",
@@ -289,7 +288,10 @@ ERRATA = (
         "lambda outside [0, 1] is reset to the boundary, since gamma lies there",
         "It does not follow, and the first reset ends the equivalence with conjugate gradient",
         "reset, and how often is reported",
-        (_test("td")("conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is_reported"),),
+        (
+            _test("td")("conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is_reported"),
+            "study equivalence",
+        ),
     ),
     Erratum(
         "E24",
@@ -331,7 +333,7 @@ ERRATA = (
         "delta_(t-1), phi_(t-1) and the trace are then those of a step long past when it goes on",
         "as an option, without a remedy",
         (_errata("without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_after_it"),),
-        (Seen(studies.PARTS, "no learning at walls"),),
+        (Seen(judges.AGAIN, "no learning at walls", "form 2"),),
     ),
     Erratum(
         "E28",

@@ -63,7 +63,8 @@ def knife_edge(*found: Interval, margins: Sequence[float] = (1.0,)) -> str:
 
     A few more runs could move such an end to the other side. margins: none of them 0.
     """
-    near = [m for m in margins if any(abs(end / m - 1) < KNIFE_EDGE for one in found for end in (one.low, one.high))]
+    ends = [end for one in found if one.low < one.high for end in (one.low, one.high)]  # without chance, no edge
+    near = [margin for margin in margins if any(abs(end / margin - 1) < KNIFE_EDGE for end in ends)]
     return f" (a knife edge at {' and '.join(f'{m:g}' for m in near)})" if near else ""
 
 
