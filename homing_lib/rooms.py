@@ -167,8 +167,8 @@ ATTIC = Room(
 HALL = Room(
     name="hall",
     size=(1.60, 1.20),
-    home=Pose(0.80, 0.32, -pi / 2),
-    start=Pose(0.80, 0.92, pi / 2),
+    home=Pose(0.81, 0.33, -pi / 2),
+    start=Pose(0.81, 0.93, pi / 2),
     floor=Texture((0.55, 0.52, 0.48), contrast=0.12, grain=0.20, patches=8),
     walls={
         "east": Texture((0.60, 0.58, 0.50), contrast=0.15),

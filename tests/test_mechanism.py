@@ -9,11 +9,18 @@ import pytest
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
-from homing_lib.study import mechanism
+from homing_lib.study import mechanism, statistics
 from homing_lib.study.claims import Comparison
 from homing_lib.study.mechanism import CORE, FURTHER, KEPT, STAND_INS, STEP_SIZES, Drawn
 from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    """Made-up tables leave no doubt that more of them would settle."""
+    monkeypatch.setattr(statistics, "RESAMPLES", 500)
+
 
 # Lambdas drawn from a pool
 
@@ -92,7 +99,8 @@ def test_the_step_sizes_that_are_kept_are_those_of_the_stored_choice():
 # What is measured
 
 
-def test_a_fixed_lambda_on_the_walk_has_the_error_of_the_literature():
+def test_a_fixed_lambda_on_the_walk_has_the_error_of_the_literature(monkeypatch):
+    monkeypatch.setattr(mechanism, "WALK_STEP_SIZES", (0.6, 0.8))
     errors = [mechanism.walk(Settings(lambda_rule=f"fixed:{value}"), seed) for seed in range(10) for value in (0, 0.4)]
     for kind, alpha, published in ((0, 0.8, 0.3452), (1, 0.6, 0.2803)):  # Sutton & Barto (2018), fig. 12.6
         found = [float(one["error"][one["alpha"] == alpha][0]) for one in errors[kind::2]]
