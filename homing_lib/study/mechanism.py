@@ -317,7 +317,7 @@ ROOMS_RULES = study(
     "mechanism-rooms",
     "The same in five other rooms, to which no setting was fitted.",
     _conditions({name: CORE[name] for name in IN_ROOMS}, "taken", _OTHERS),
-    FRESH,
+    FRESH[:25],
     summary,
 )
 
@@ -325,7 +325,7 @@ ROOMS_DRAWN = study(
     "mechanism-rooms-drawn",
     "In those rooms, lambdas drawn from what form 2 has there.",
     _conditions(_FORM_2, "taken", _OTHERS),
-    FRESH,
+    FRESH[:25],
     resampled,
 )
 
@@ -357,7 +357,7 @@ MECHANISM_FURTHER = study(
     "mechanism-further",
     "The other forms, the other signs, and the longer fixed traces.",
     _conditions(FURTHER, "taken", ["paper"]),
-    FRESH,
+    FRESH[:20],
     summary,
 )
 

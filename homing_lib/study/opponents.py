@@ -450,7 +450,7 @@ def beside_and_behind(of: Any) -> Judged:
     return (
         "yes" if all(less) else "partly" if any(less) else "no",
         f"The share that reaches home differs there, in percentage points, by {told('published')}. Of robots that "
-        f"learnt {CHOSEN}, and so began there too, by {told('extension')}, which is not for want of experience; and "
+        f"learnt {CHOSEN}, and so began there too, by {told('extension')}; and "
         f"where they climb in {CLIMBING:.0%} of the steps, by {told('climbing')}.",
     )
 
