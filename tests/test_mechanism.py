@@ -16,7 +16,6 @@ from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
 
 
-
 @pytest.fixture(autouse=True)
 def few_resamples(monkeypatch):
     """Made-up tables leave no doubt that more of them would settle."""
