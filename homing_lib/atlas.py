@@ -239,8 +239,7 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
 
 def _seal(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """What is stored with arrays, by which they are known to be those that were written under this name."""
-    parts = sorted(arrays.items())
-    content = b"".join(repr((name, one.shape, one.dtype.str)).encode() + one.tobytes() for name, one in parts)
+    content = b"".join(repr((name, a.shape, a.dtype.str)).encode() + a.tobytes() for name, a in sorted(arrays.items()))
     return {"name": path.stem, "sha256": hashlib.sha256(content).hexdigest()}
 
 
