@@ -1,7 +1,5 @@
 """What is drawn follows its pool and nothing else; step sizes are kept by rule; each question is judged as it says."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -236,15 +234,20 @@ def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():
     assert mechanism.what_decides(*tables, measured.drop(columns="slope"))[0] == "not shown"
 
 
-def test_the_camera_confirms_what_it_says_in_the_same_words():
-    of = replace(mechanism.CAMERA, conditions=dict.fromkeys(("form 2", "gate")))
-    atlas = table(M, {}), drawn_table(D, {"i.i.d.": 60})
-    draws = table(mechanism.CAMERA_DRAWN, {"form 2": 60})
-    assert mechanism.camera(table(of, {}), draws, *atlas)[0] == "yes"
-    assert mechanism.camera(table(of, {"gate": 60}), draws, *atlas)[0] == "partly"
-    assert mechanism.camera(table(of, {"gate": 60}), draws.assign(late=draws.late / 1.5), *atlas)[0] == "no"
-    wild = draws.assign(late=np.where(draws.seed % 2, 4000, 1) * 1.0)
-    assert mechanism.camera(table(of, {"gate": 60}), wild, *atlas)[0] == "not shown"
+def test_the_camera_confirms_what_it_decides_as_the_atlas_does():
+    atlas = table(M, {"opposite": 60}), drawn_table(D, {"i.i.d.": 60})
+
+    def judged(opposite, draws):
+        of = table(mechanism.CAMERA, {"opposite": opposite})
+        drawn = table(mechanism.CAMERA_DRAWN, {"form 2": draws})
+        return mechanism.camera(of, drawn, *atlas)[0]
+
+    assert judged(60, 60) == "yes"
+    assert [judged(60, 40), judged(40, 60)] == ["partly"] * 2
+    assert [judged(60, 20), judged(20, 20)] == ["no"] * 2
+    assert judged(40, 40) == "not shown"
+    nothing = table(M, {}), drawn_table(D, {})
+    assert mechanism.camera(table(mechanism.CAMERA, {}), table(mechanism.CAMERA_DRAWN, {}), *nothing)[0] == "not shown"
 
 
 def test_on_the_walk_form_2_must_beat_the_best_fixed_lambda():
