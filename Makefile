@@ -106,7 +106,7 @@ $(foreach stamp,$(wildcard .build/notebooks/*),$(foreach file,$(file <$(stamp)),
 
 ### Report
 
-paper/numbers.tex: .build/data $(LIBRARY)
+paper/numbers.tex: .build/data $(LIBRARY) paper/report.tex $(NOTEBOOKS:%=notebooks/%.ipynb)
 	$(HOMING) report > $@.part
 	@mv $@.part $@
 
