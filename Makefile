@@ -113,7 +113,7 @@ class: .build/class/.ready
 
 ### Report
 
-.build/numbers: .build/data $(LIBRARY)
+.build/numbers: .build/data $(LIBRARY) paper/report.tex $(NOTEBOOKS:%=notebooks/%.ipynb)
 	$(HOMING) report > paper/numbers.tex.part
 	@mv paper/numbers.tex.part paper/numbers.tex
 	@cksum paper/numbers.tex > $@

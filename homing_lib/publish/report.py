@@ -102,7 +102,9 @@ def summary() -> str:
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())
     lines.append("The paper's claims, and what was asked beyond them (`homing claims` says by how much):")
-    lines += [f"{one.name:<4}{one.verdict:<19}{one.claim}" for one in map(claims.judge, claims.names())]
+    lines += [
+        f"{one.name:<4}{one.verdict:<19}{one.claim.replace('*', '')}" for one in map(claims.judge, claims.names())
+    ]
     return "\n".join(lines)
 
 
@@ -118,7 +120,7 @@ def misprints() -> str:
 
 def _paragraphs(of: Iterable[object]) -> str:
     """Markdown as plain text of a terminal's width; names of tests are not broken."""
-    plain = (str(one).replace("**", "").replace("*Here*", "Here").replace("*Proof*", "Proof") for one in of)
+    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "")) for one in of)
     return "\n\n".join(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) for text in plain)
 
 
@@ -201,7 +203,8 @@ def figures_written() -> dict[str, str]:
 def _verdicts_of(kind: str) -> str:
     """Rows: name, claim or question, verdict, effect."""
     return "\n".join(
-        _row(one.name, one.claim, one.verdict, one.effect) for one in map(claims.judge, claims.names(kind))
+        _row(one.name, one.claim.replace("*", ""), one.verdict, one.effect)
+        for one in map(claims.judge, claims.names(kind))
     )
 
 
