@@ -130,7 +130,7 @@ paper/report.pdf: .build/paper/report.pdf
 
 ### The demonstration
 
-.build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/*) homing_lib/compact.atlas environment.lock
+.build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/* homing_lib/*.atlas) environment.lock
 	$(VENV) -m homing_lib.publish.page
 	@cksum notebooks/executed/demo.html > $@
 
