@@ -1,7 +1,7 @@
 """The demonstration: one HTML file that plays the random walk and the robot in a browser, from disk and offline.
 
 `python -m homing_lib.publish.page` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
-they need of the library, DATA: settings, room, colours, verdicts, textures and the compact atlas.
+they need of the library: DATA, which is settings, room, colours and verdicts; the room's textures; the compact atlas.
 """
 
 import json
@@ -29,8 +29,8 @@ CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "camera.js"
 VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
 """What is shown of it, and how it is controlled."""
 
-SHOWN = {"walk": (2,), "robot": (3, 8, 9, 10, 12, 13)}
-"""The claims that a view shows."""
+SHOWN = {"walk": ("C1", "Q30"), "robot": ("C3", "C8", "C9", "Q3", "Q5", "Q20")}
+"""The claims and questions that a view is about."""
 
 SIDE = 128  # texels along a texture's side, every second one: an average would have no grain
 
@@ -57,14 +57,14 @@ def build() -> str:
         "cividis": [
             matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps["cividis"](np.arange(0, 256, 4))
         ],
-        "claims": {view: [vars_of(claims.judge(number)) for number in numbers] for view, numbers in SHOWN.items()},
-        "textures": b64encode(np.stack(textures).tobytes()).decode(),
-        "atlas": b64encode(COMPACT.read_bytes()).decode(),
+        "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }
     parts = {
         "/* page.css */": palette() + source("page.css"),
         "// DATA": f"const DATA = {json.dumps(data, sort_keys=True)};",
         "// scripts": scripts(CORE + VIEW),
+        "<!-- textures -->": b64encode(np.stack(textures).tobytes()).decode(),
+        "<!-- atlas -->": b64encode(COMPACT.read_bytes()).decode(),
     }
     page = source("page.html")
     for mark, content in parts.items():
@@ -72,8 +72,11 @@ def build() -> str:
     return page
 
 
-def vars_of(finding: claims.Finding) -> dict[str, Any]:
-    return {"claim": finding.claim, "verdict": finding.verdict, "effect": finding.effect}
+def judged(name: str) -> dict[str, str]:
+    """A claim or question with its verdict, as the page says it."""
+    finding = claims.judge(name)
+    by = "The paper says" if name.startswith("C") else "Asked"
+    return {"claim": f"{by}: {finding.claim}", "verdict": finding.verdict, "effect": finding.effect}
 
 
 def palette() -> str:

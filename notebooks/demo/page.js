@@ -236,13 +236,13 @@ function showClaims() {
     const list = document.createElement("dl");
     for (const { claim, verdict, effect } of findings) {
       const item = document.createElement("div");
-      const term = Object.assign(document.createElement("dt"), { textContent: `The paper says: ${claim}` });
+      const term = Object.assign(document.createElement("dt"), { textContent: claim });
       const judged = document.createElement("dd");
       judged.append(Object.assign(document.createElement("b"), { textContent: `${verdict}. ` }), effect);
       item.append(term, judged);
       list.append(item);
     }
-    const head = Object.assign(document.createElement("h2"), { textContent: "What this view is about, judged by the stored runs of the camera and its atlases" });
+    const head = Object.assign(document.createElement("h2"), { textContent: "What this view is about, and what the stored runs say" });
     at(`${name}-claims`).append(head, list);
   }
 }
@@ -256,16 +256,17 @@ function openAddress() {
   changed("view");
 }
 
-function bytesOf(base64) {
-  const letters = atob(base64), bytes = new Uint8Array(letters.length);
+// Of an element that holds them in base 64: last in the page, so that it is painted before they are read.
+function bytesOf(id) {
+  const letters = atob(at(id).textContent), bytes = new Uint8Array(letters.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
   return bytes;
 }
 
 async function unpack() {
-  const stream = new Blob([bytesOf(DATA.atlas)]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const stream = new Blob([bytesOf("atlas")]).stream().pipeThrough(new DecompressionStream("gzip"));
   robotView.world = new Atlas(new Uint8Array(await new Response(stream).arrayBuffer()));
-  robotView.camera = new Camera(DATA.room, bytesOf(DATA.textures), DATA.side, DATA.settings);
+  robotView.camera = new Camera(DATA.room, bytesOf("textures"), DATA.side, DATA.settings);
   freshen();
 }
 
@@ -275,4 +276,6 @@ setUpControls();
 showClaims();
 paintTheme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
 openAddress();
-setTimeout(() => unpack().catch((error) => say(`The table of views cannot be unpacked by this browser (${error.message}); a newer one can.`)), 50);
+addEventListener("DOMContentLoaded", () => setTimeout(() => {
+  unpack().catch((error) => say(`The table of views cannot be unpacked by this browser (${error.message}); a newer one can.`));
+}, 50));

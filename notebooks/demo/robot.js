@@ -1,6 +1,6 @@
 // The view of the robot: the room from above, what is seen there, the learning curve, and each step's delta and lambda.
 
-const SEEN = 96; // pixels of a drawn picture
+const SEEN = DATA.settings.image_size; // pixels of a drawn picture, as many as the camera has
 
 const robotView = {
   world: null, // the atlas, once it is unpacked
