@@ -6,6 +6,7 @@ only module that loads PyBullet; where that is missing, importing it raises User
 
 import os
 import tempfile
+import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import cos, radians, sin
@@ -60,6 +61,7 @@ class Arena:
         if self._client < 0:
             raise RuntimeError("PyBullet gave no physics client: too many are open; close() those no longer used")
         self._ours = {"physicsClientId": self._client}
+        self._free = weakref.finalize(self, pybullet.disconnect, self._client)  # at the latest when nobody holds it
         self.body_names: dict[int, str] = {}
         self._colliders: list[int] = []
         with tempfile.TemporaryDirectory() as folder:
@@ -219,9 +221,8 @@ class Arena:
 
     def close(self) -> None:
         """Free the Bullet client. Closing twice is harmless."""
-        if self._client >= 0:
-            pybullet.disconnect(self._client)
-            self._client = self._ours["physicsClientId"] = -1  # others may have its number next
+        self._free()
+        self._client = self._ours["physicsClientId"] = -1  # others may have its number next
 
     def __enter__(self) -> "Arena":
         return self

@@ -1,6 +1,5 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
-import weakref
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from math import cos, isfinite, pi, radians, sin
@@ -174,7 +173,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             from homing_lib import arena
 
             self.world = self._arena = arena.Arena(self.room, settings)
-            weakref.finalize(self, self._arena.close)  # of who is dropped unclosed
         else:
             open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
             self.world = self._atlas = open_one(self.room, settings)

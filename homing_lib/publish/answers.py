@@ -46,8 +46,8 @@ def worth() -> str:
     since, last = opponents.paid_back(ours, theirs).value, ours.shape[1]
     return (
         "Against a walk up the similarity, which learns nothing, the robot that has learnt is "
-        f"{_AHEAD[judge('Q20').verdict]} from the usual start ({usual:.2f} of its steps) and "
-        f"{_AHEAD[judge('Q21').verdict]} from everywhere ({anywhere:.2f}); all episodes counted, learning "
+        f"{_AHEAD[judge('Q20').verdict]} from the usual start and {_AHEAD[judge('Q21').verdict]} from everywhere (in "
+        f"the paper's room {usual:.2f} and {anywhere:.2f} of its steps); all episodes counted, learning "
         f"{_PAYS[judge('Q22').verdict].format(last=last)} "
         f"({f'ahead from episode {since:.0f}' if since <= last else f'not ahead by episode {last}'} in the paper's "
         "room)."
