@@ -76,7 +76,8 @@ def judged(name: str) -> dict[str, str]:
     """A claim or question with its verdict, as the page says it."""
     finding = claims.judge(name)
     by = "The paper says" if name.startswith("C") else "Asked"
-    return {"claim": f"{by}: {finding.claim}", "verdict": finding.verdict, "effect": finding.effect}
+    told = {"claim": f"{by}: {finding.claim}", "verdict": finding.verdict, "effect": finding.effect}
+    return {key: text.replace("*", "") for key, text in told.items()}  # without Markdown's emphasis
 
 
 def palette() -> str:

@@ -156,6 +156,9 @@ function labelEnds(ctx, ends, x, top, bottom) {
   sorted.forEach(([name, , paint], i) => text(ctx, name, x, places[i], { fill: paint }));
 }
 
+// Pixels that the longest of these names takes beside a panel.
+const widest = (ctx, names) => Math.max(60 * unit(), ...names.map((name) => ctx.measureText(name).width)) + 14 * unit();
+
 // Lambda and delta of steps as stems over a common x, each in a panel of its own; a cross where lambda was reset.
 function stems(ctx, steps, x, { left, right, top, middle, bottom }, chosen) {
   const u = unit();

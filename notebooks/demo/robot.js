@@ -413,7 +413,8 @@ function paintView(ctx, width, height) {
 function paintCurve(ctx, width, height) {
   const { experiment, before, reference } = robotView;
   if (!experiment) return;
-  const u = unit(), left = 52 * u, right = width - 122 * u;
+  const names = ["shortest way 19", ruleName(), before ? `before: ${before.name}` : ""];
+  const u = unit(), left = 52 * u, right = width - widest(ctx, names);
   const lengths = experiment.episodes.map((one) => one.steps.length), episodes = experiment.settings.episodes;
   const most = Math.max(400, ...lengths, ...(before?.lengths ?? []));
   const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [1, episodes], y: [10, most * 1.1], log: true,

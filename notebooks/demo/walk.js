@@ -184,7 +184,7 @@ function paintTrace(ctx, width, height) {
       });
     }
   }
-  text(ctx, forward ? "row: a step; column: the error that changes its state" : "trace of each state (row) at each step (column)", left, top - 4 * u, { base: "bottom" });
+  text(ctx, forward ? "row: a step; column: an error that changes it" : "trace of each state (row) at each step (column)", left, top - 4 * u, { base: "bottom" });
   if (!forward) [0, 9, 18].forEach((s) => text(ctx, s, left - 6 * u, y(s) + tall / 2, { align: "right", fill: colour("soft") }));
   if (chosen >= first) {
     ctx.strokeStyle = colour("orange-line");
@@ -210,7 +210,7 @@ function traceTitle(steps, chosen, forward) {
 
 function paintErrors(ctx, width, height) {
   const u = unit(), { names, sums, seeds } = walkView.compared;
-  const left = 52 * u, right = width - 120 * u;
+  const left = 52 * u, right = width - widest(ctx, names);
   const means = sums.map((values) => [...values].map((value) => value / seeds));
   const start = Math.sqrt(sum(TRUE_VALUES.map((value) => value ** 2)) / STATES);
   const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [0, WALKS], y: [0, 0.65], xTicks: [0, 10, 20, 30], xLabel: "walks", yLabel: "error of the values (root of the mean square)" });
@@ -229,7 +229,7 @@ function paintErrors(ctx, width, height) {
   own.forEach(([x, y]) => disc(ctx, x, y, 2.6 * u, colour("ink")));
   ctx.restore();
   if (!seeds) return title("w-error", `${WALKS} walks of many seeds, beside fixed λ`);
-  labelEnds(ctx, names.map((name, i) => [name, box.y(Math.min(0.65, means[i][WALKS])), paints[i]]), right + 8 * u, 22 * u, height - 50 * u);
+  labelEnds(ctx, names.map((name, i) => [name, box.y(Math.min(0.65, means[i][WALKS])), paints[i]]), right + 8 * u, 30 * u, height - 50 * u);
   const best = FIXED.map((_, i) => i).reduce((a, b) => (means[b][WALKS] < means[a][WALKS] ? b : a));
   const mine = means[ours][WALKS];
   title("w-error", Number.isFinite(mine)
