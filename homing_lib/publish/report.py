@@ -258,8 +258,6 @@ def numbers(h: Headline) -> dict[str, str]:
         "fieldOfView": f"{s.field_of_view_deg:g}",
         "surveySteps": f"{s.survey_steps}",
         "maxSteps": f"{s.max_steps}",
-        "stepSize": _shown(s.alpha0),
-        "exploration": _shown(s.epsilon0),
         "wallPenalty": _shown(s.wall_penalty),
         "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one per bin"}[s.variance]
         + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
@@ -268,9 +266,6 @@ def numbers(h: Headline) -> dict[str, str]:
             "literal": "as printed",
             "epsilon-greedy": "epsilon-greedy alone",
         }[s.mixture],
-        "temperatureUsed": "not used" if s.mixture == "epsilon-greedy" else f"{s.tau0:g} at first, falls like epsilon",
-        "terminalUsed": "as printed: home is valued like any view" if s.bootstrap_terminal else "home is worth 0",
-        "updateUsed": "as printed; updating all is an option" if s.update == "taken" else "all move, as is standard",
     }
     return {name: _tex(text) for name, text in texts.items()}
 
