@@ -1,4 +1,4 @@
-from math import cos, hypot, inf, pi, radians, sin
+from math import cos, hypot, inf, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from homing_lib.settings import Settings
 
 BASE = 0.053
 RADIUS = 0.035
+HEIGHT = 0.03
 
 ways = st.floats(-0.2, 0.2)
 poses = st.builds(Pose, st.floats(-1, 1), st.floats(-1, 1), st.floats(-pi, pi))
@@ -132,8 +133,11 @@ def gap(room, x, y):
             case Box():
                 beside = max(abs(x - thing.x) - thing.size[0] / 2, 0), max(abs(y - thing.y) - thing.size[1] / 2, 0)
                 gaps.append(hypot(*beside))
-            case Ball() | Cone():
+            case Cone():
                 gaps.append(hypot(x - thing.x, y - thing.y) - thing.radius)
+            case Ball():
+                above = max(thing.radius - HEIGHT, 0)  # of the body's top: there the ball is at its widest for it
+                gaps.append(hypot(x - thing.x, y - thing.y) - sqrt(thing.radius**2 - above**2))
             case _:
                 raise TypeError(thing)
     return min(gaps) - RADIUS
