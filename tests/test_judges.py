@@ -36,7 +36,7 @@ def summaries(update, **columns):
     """A table of `mechanism`: form 2 with 100 in each column, fixed rules as told by column."""
     rows = []
     for label in ("form 2", "fixed 0", "fixed 0.5"):
-        for alpha in mechanism.KEPT[f"{label}, {update}"]:
+        for alpha in mechanism.STEP_SIZES:
             for seed in range(SEEDS):
                 theirs = {name: value * 100.0 for name, value in columns.items()} if label != "form 2" else {}
                 row = {"late": 100.0, "total": 100.0, "change": 100.0} | theirs

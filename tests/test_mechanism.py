@@ -9,7 +9,7 @@ from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
 from homing_lib.study import mechanism, statistics
 from homing_lib.study.claims import Comparison
-from homing_lib.study.mechanism import CORE, FURTHER, KEPT, STAND_INS, STEP_SIZES, Drawn
+from homing_lib.study.mechanism import STAND_INS, STEP_SIZES, Drawn
 from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
 
@@ -70,28 +70,12 @@ def test_stand_ins_are_drawn_from_the_pool_of_their_room_and_update_and_run_by_s
 # Step sizes
 
 
-def choice(late):
-    """The table of the choice in which rules are alike but for some. late: three numbers a rule."""
-    return pd.DataFrame(
-        [
-            {"condition": f"{label}, {update} @ {alpha:g}", "seed": seed, "late": value + seed}
-            for label in CORE | FURTHER
-            for update in mechanism.UPDATES
-            for alpha, value in zip(STEP_SIZES, late.get(label, (50, 40, 30)), strict=True)
-            for seed in range(3)
-        ]
-    )
-
-
-def test_each_rule_and_update_loses_the_step_size_at_which_its_late_steps_are_most():
-    found = mechanism.kept(choice({"form 2": (30, 200, 46), "gate": (30, 40, 47)}))
-    assert found["form 2, taken"] == found["form 2, all"] == (4e-4, 4e-3)
-    assert found["gate, all"] == (4e-4, 1.25e-3)
-    assert found["fixed 0, taken"] == (1.25e-3, 4e-3)
-
-
-def test_the_step_sizes_that_are_kept_are_those_of_the_stored_choice():
-    assert mechanism.kept(load_table(mechanism.CHOICE)) == KEPT
+def test_no_rule_learns_best_in_any_room_with_a_step_size_that_is_greater_than_the_three():
+    of = load_table(mechanism.CHOICE)
+    late = of.groupby("condition", observed=True).late.mean()
+    for name in {condition.split(" @ ")[0] for condition in mechanism.CHOICE.conditions}:
+        *three, too_great = (late[f"{name} @ {alpha:g}"] for alpha in (*STEP_SIZES, mechanism.TOO_GREAT))
+        assert too_great > min(three), name
 
 
 # What is measured
@@ -207,17 +191,21 @@ def in_rooms(better):
     rooms_drawn = drawn_table(mechanism.ROOMS_DRAWN, {})
     worse = rooms_drawn.condition.str.split(",").str[0].isin(list(ROOMS)[1:better])
     rooms_drawn["late"] *= np.where(worse, 1.5, 1)
-    return table(M, {}), drawn_table(D, {"i.i.d.": 60} if better else {}), table(mechanism.ROOMS_RULES, {}), rooms_drawn
+    drawn = drawn_table(D, {"i.i.d.": 60} if better else {})
+    return table(M, {}), drawn, table(mechanism.ROOMS_RULES, {}), rooms_drawn
+
+
+ALL = table(mechanism.MECHANISM_ALL, {}), drawn_table(mechanism.ALL_DRAWN, {})
 
 
 def test_timing_matters_in_the_rooms_in_which_draws_are_worse():
-    verdict, effect = mechanism.rooms(*in_rooms(6))
+    verdict, effect = mechanism.rooms(*in_rooms(6), *ALL)
     assert verdict == "yes"
     assert "independent draws from its own λ: better in 6 rooms, pooled 0.67 [0.6" in effect
-    verdict, effect = mechanism.rooms(*in_rooms(2))
+    verdict, effect = mechanism.rooms(*in_rooms(2), *ALL)
     assert verdict == "partly"
     assert "better in 2, comparable in 4 rooms" in effect
-    assert mechanism.rooms(*in_rooms(0))[0] == "no"
+    assert mechanism.rooms(*in_rooms(0), *ALL)[0] == "no"
 
 
 def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():

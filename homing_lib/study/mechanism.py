@@ -2,7 +2,7 @@
 
 Form 2 is held against lambdas that lack one thing each: drawn from its own lambdas, they know nothing of the step
 (timing); a gate and the ratio upside down have its sign and not its size; an opposite gate and its absolute value have
-its size and not its sign. Each has the better of its step sizes (`claims.compare_at_best`).
+its size and not its sign. Each has the best of three step sizes (`claims.compare_at_best`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,6 +33,9 @@ _IN_ROOM = {room: _PAPER.with_changes(room=room, atlas_spacing_m=0.02 if room ==
 
 UPDATES = ("taken", "all")
 STEP_SIZES = (4e-4, 1.25e-3, 4e-3)
+"""With a greater one, `TOO_GREAT`, no rule learns best in any room (`CHOICE`)."""
+
+TOO_GREAT = 1.25e-2
 
 CORE = {
     "form 2": "fletcher-reeves",
@@ -45,6 +48,8 @@ CORE = {
     "fixed 0.5": "fixed:0.5",
 }
 """Form 2, what it is made of, and the fixed lambdas that are good under the paper's update."""
+
+FIXED = tuple(label for label in CORE if label.startswith("fixed"))
 
 FURTHER = {
     "form 1": "hestenes-stiefel",
@@ -98,66 +103,17 @@ POOL = study(
 
 CHOICE = study(
     "lambda-choice",
-    "Which step sizes suit which rule, so that hopeless ones need not be run with every seed?",
+    "Are three step sizes enough, or does a rule learn best, in some room, with a greater one?",
     {
-        f"{label}, {update} @ {alpha:g}": _PAPER.with_changes(lambda_rule=rule, update=update, alpha0=alpha)
-        for label, rule in (CORE | FURTHER).items()
+        f"{room}, {label}, {update} @ {alpha:g}": settings.with_changes(lambda_rule=rule, update=update, alpha0=alpha)
+        for room, settings in _IN_ROOM.items()
+        for label, rule in CORE.items()
         for update in UPDATES
-        for alpha in STEP_SIZES
+        for alpha in (*STEP_SIZES, TOO_GREAT)
     },
     range(4),
     summary,
 )
-
-
-_HOPELESS: dict[float, tuple[str, ...]] = {
-    4e-4: (
-        "gate, taken",
-        "inverse, taken",
-        "opposite gate, taken",
-        "fixed 0, taken",
-        "fixed 0, all",
-        "fixed 0.25, all",
-        "form 1, taken",
-        "form 1, all",
-        "form 3, all",
-        "form 2, other sign, taken",
-        "form 2, other sign, all",
-        "gate of .7, all",
-    ),
-    1.25e-3: (
-        "fixed 0.5, taken",
-        "fixed 0.5, all",
-        "form 1, printed sign, taken",
-        "form 3, taken",
-        "form 3, other sign, all",
-        "fixed 0.95, all",
-    ),
-}
-"""The step size that `CHOICE` leaves out, by rule and update; of all others it is the greatest."""
-
-KEPT = {
-    name: tuple(
-        alpha for alpha in STEP_SIZES if alpha != next((out for out in _HOPELESS if name in _HOPELESS[out]), 4e-3)
-    )
-    for name in (f"{label}, {update}" for label in CORE | FURTHER for update in UPDATES)
-}
-
-
-def kept(choice: Any) -> dict[str, tuple[float, ...]]:
-    """The two step sizes that are worth all seeds, by rule and update: without that of the greatest median late steps.
-
-    choice: the table of `CHOICE`. Four seeds tell what is hopeless, and not which of two is better.
-    """
-    median = choice.groupby("condition", observed=True).late.median()
-    found = {}
-    for name in (f"{label}, {update}" for label in CORE | FURTHER for update in UPDATES):
-        late = {alpha: float(median[f"{name} @ {alpha:g}"]) for alpha in STEP_SIZES}
-        found[name] = tuple(alpha for alpha in STEP_SIZES if alpha != max(late, key=lambda alpha: late[alpha]))
-    return found
-
-
-IN_ROOMS = ("form 2", "gate", "inverse", "opposite gate", "fixed 0")
 
 
 def properties(settings: Settings, seed: int) -> Columns:
@@ -227,15 +183,19 @@ def walk(settings: Settings, seed: int) -> Columns:
 
 HUNDRED = range(2000, 2100)
 
+ELSEWHERE = range(3000, 3050)
+"""For the other rooms: what seeds from 2000 on say of them, with fewer step sizes, had been seen."""
 
-def _conditions(rules: dict[str, str], update: str, rooms: Iterable[str]) -> dict[str, Settings]:
+
+def _conditions(rules: dict[str, str], updates: Iterable[str], rooms: Iterable[str]) -> dict[str, Settings]:
     return {
         f"{room}, {label}, {update} @ {alpha:g}": _IN_ROOM[room].with_changes(
             lambda_rule=rule, update=update, alpha0=alpha
         )
         for room in rooms
         for label, rule in rules.items()
-        for alpha in KEPT[f"{label}, {update}"]
+        for update in updates
+        for alpha in STEP_SIZES
     }
 
 
@@ -298,9 +258,8 @@ _RIVALS = CORE | {name: rule for name, rule in FURTHER.items() if name.startswit
 
 MECHANISM = study(
     "mechanism",
-    "Form 2 against rules that have its sign and not its size, or its size and not its sign, and against fixed ones, "
-    "at the step sizes that `lambda-choice` leaves to each.",
-    _conditions(CORE, "taken", ["paper"]),
+    "Form 2 against rules that have its sign and not its size, or its size and not its sign, and against fixed ones.",
+    _conditions(CORE, ["taken"], ["paper"]),
     HUNDRED,
     summary,
 )
@@ -308,24 +267,24 @@ MECHANISM = study(
 MECHANISM_DRAWN = study(
     "mechanism-drawn",
     "Lambdas drawn from form 2's own, which know nothing of the step: does it matter when a lambda is large?",
-    _conditions(_FORM_2, "taken", ["paper"]),
+    _conditions(_FORM_2, ["taken"], ["paper"]),
     HUNDRED,
     resampled,
 )
 
 ROOMS_RULES = study(
     "mechanism-rooms",
-    "The same in five other rooms, to which no setting was fitted.",
-    _conditions({name: CORE[name] for name in IN_ROOMS}, "taken", _OTHERS),
-    FRESH[:25],
+    "The same in five other rooms, to which no setting was fitted, and with either update.",
+    _conditions(CORE, UPDATES, _OTHERS),
+    ELSEWHERE,
     summary,
 )
 
 ROOMS_DRAWN = study(
     "mechanism-rooms-drawn",
     "In those rooms, lambdas drawn from what form 2 has there.",
-    _conditions(_FORM_2, "taken", _OTHERS),
-    FRESH[:25],
+    _conditions(_FORM_2, UPDATES, _OTHERS),
+    ELSEWHERE,
     resampled,
 )
 
@@ -340,7 +299,7 @@ ROOMS_MEASURED = study(
 MECHANISM_ALL = study(
     "mechanism-all",
     "Form 2 and its rivals where every action's weights learn, as is standard.",
-    _conditions(_RIVALS, "all", ["paper"]),
+    _conditions(_RIVALS, ["all"], ["paper"]),
     FRESH,
     summary,
 )
@@ -348,7 +307,7 @@ MECHANISM_ALL = study(
 ALL_DRAWN = study(
     "mechanism-all-drawn",
     "Lambdas drawn from those that form 2 has there.",
-    _conditions(_FORM_2, "all", ["paper"]),
+    _conditions(_FORM_2, ["all"], ["paper"]),
     FRESH,
     resampled,
 )
@@ -356,8 +315,8 @@ ALL_DRAWN = study(
 MECHANISM_FURTHER = study(
     "mechanism-further",
     "The other forms, the other signs, and the longer fixed traces.",
-    _conditions(FURTHER, "taken", ["paper"]),
-    FRESH[:20],
+    _conditions(FURTHER, ["taken"], ["paper"]),
+    FRESH,
     summary,
 )
 
@@ -373,7 +332,7 @@ CAMERA = study(
     "mechanism-camera",
     "The handful that carries the argument, with the camera.",
     {label: Settings(lambda_rule=CORE[label]) for label in ("form 2", "gate", "opposite gate")},
-    FRESH[:16],
+    FRESH,
     summary,
 )
 
@@ -381,7 +340,7 @@ CAMERA_DRAWN = study(
     "mechanism-camera-drawn",
     "And what is drawn from form 2's lambdas, with the camera.",
     {"form 2": Settings()},
-    FRESH[:16],
+    FRESH,
     drawn,
 )
 
@@ -399,14 +358,16 @@ def rows(of: Any, rule: str, update: str = "taken", room: str = "paper", *, colu
         of = of[of.stand_in == STAND_INS.index(rule)]
     found = [
         of[of.condition == f"{room}, {label}, {update} @ {alpha:g}"].sort_values("seed")[column].to_numpy(float)
-        for alpha in KEPT[f"{label}, {update}"]
+        for alpha in STEP_SIZES
     ]
     return np.array(found)
 
 
-def all_rows(of: Any, rules: Iterable[str], update: str = "taken", *, column: str = "late") -> Array:
+def all_rows(
+    of: Any, rules: Iterable[str], update: str = "taken", room: str = "paper", *, column: str = "late"
+) -> Array:
     """The same of several rules, one below the other, so that the best of them is chosen."""
-    return np.vstack([rows(of, rule, update, column=column) for rule in rules])
+    return np.vstack([rows(of, rule, update, room, column=column) for rule in rules])
 
 
 def whether(*found: Comparison) -> Verdict:
@@ -463,7 +424,7 @@ def sign(of: Any) -> Judged:
 
 def best_fixed(of: Any, update: str, column: str = "late") -> Comparison:
     """Form 2 against the best of all fixed lambdas at all their step sizes, which are chosen as step sizes are."""
-    fixed = [rule for rule in (CORE if update == "taken" else _RIVALS) if rule.startswith("fixed")]
+    fixed = FIXED if update == "taken" else [rule for rule in _RIVALS if rule.startswith("fixed")]
     return compare_at_best(rows(of, "form 2", update, column=column), all_rows(of, fixed, update, column=column))
 
 
@@ -520,13 +481,21 @@ def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
     )
 
 
-def by_room(rival: str, taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any) -> dict[str, Comparison]:
-    """Form 2's late steps as a multiple of a rival's, in each room."""
+BEST_FIXED = "best fixed"
+
+
+def by_room(
+    rival: str, taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, update: str = "taken"
+) -> dict[str, Comparison]:
+    """Form 2's late steps as a multiple of a rival's, in each room. rival: a rule, a stand-in or BEST_FIXED."""
     found = {}
     for room in ROOMS:
         of, stood_in = (taken, drawn) if room == "paper" else (rooms, rooms_drawn)
-        theirs = rows(stood_in if rival in STAND_INS else of, rival, room=room)
-        found[room] = compare_at_best(rows(of, "form 2", room=room), theirs, len(ROOMS))
+        if rival == BEST_FIXED:
+            theirs = all_rows(of, FIXED, update, room)
+        else:
+            theirs = rows(stood_in if rival in STAND_INS else of, rival, update, room)
+        found[room] = compare_at_best(rows(of, "form 2", update, room), theirs, len(ROOMS))
     return found
 
 
@@ -541,25 +510,46 @@ def pooled(found: Mapping[str, Comparison]) -> Interval:
     return Interval(*np.exp([centre, centre - error, centre + error]))
 
 
-@claim("Q7", "in how many rooms does it matter when λ is large?", MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN)
-def rooms(*tables: Any) -> Judged:
+IN_ROOMS = {
+    "independent draws from its own λ": "i.i.d.",
+    "their mean, fixed": "mean",
+    "the gate": "gate",
+    "the inverse": "inverse",
+    "the opposite gate": "opposite gate",
+    "the best fixed one": BEST_FIXED,
+}
+"""The rivals whose rooms are counted, as a sentence names them."""
+
+
+@claim(
+    "Q7",
+    "in how many rooms does it matter when λ is large?",
+    *(MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN, MECHANISM_ALL, ALL_DRAWN),
+)
+def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
     """Yes: in all six form 2 is better than independent draws from its own lambdas; partly: in one or more; no: in
-    none, and comparable or worse in each; not shown: something else.
+    none, and comparable or worse in each; not shown: something else. Judged under the paper's update; what holds where
+    all weights learn stands beside it.
     """
-    rivals = {"independent draws from its own λ": "i.i.d.", "their mean, fixed": "mean"} | {
-        f"{'' if name.startswith('fixed') else 'the '}{name}": name for name in IN_ROOMS[1:]
-    }
-    found = {label: by_room(name, *tables) for label, name in rivals.items()}
-    counts = {
-        label: ", ".join(
-            f"{word} in {count}"
-            for word in ("better", "comparable", "worse", "open")
-            if (count := [one.word for one in of.values()].count(word))
-        )
-        for label, of in found.items()
-    }
-    words = "; ".join(f"{label}: {counts[label]} rooms, pooled {pooled(found[label]):.2f}" for label in found)
-    return whether(*found["independent draws from its own λ"].values()), f"{_INTRO} {words}."
+
+    def words(update: str, *tables: Any) -> str:
+        told = []
+        for label, rival in IN_ROOMS.items():
+            found = by_room(rival, *tables, update)
+            of = [one.word for one in found.values()]
+            counts = ", ".join(f"{word} in {of.count(word)}" for word in _WORDS if word in of)
+            told.append(f"{label}: {counts} rooms, pooled {pooled(found):.2f}")
+        return "; ".join(told)
+
+    found = by_room("i.i.d.", taken, drawn, rooms, rooms_drawn)
+    return (
+        whether(*found.values()),
+        f"{_INTRO} {words('taken', taken, drawn, rooms, rooms_drawn)}. "
+        f"Where all weights learn: {words('all', of_all, drawn_all, rooms, rooms_drawn)}.",
+    )
+
+
+_WORDS = "better", "comparable", "worse", "open"
 
 
 @claim(
