@@ -138,7 +138,8 @@ def draw_column(axes: Axes, column: Column, rows: Sequence[str], *, narrow: bool
     if column.reference is not None:
         axes.axvline(column.reference, **DASHED, zorder=0)
     counts = Counter(column.words.values())
-    between = "\n" if axes.get_gridspec().ncols > 3 else ", "
+    grid = axes.get_gridspec()
+    between = "\n" if grid and grid.ncols > 3 else ", "
     axes.set_title(between.join(f"{counts[word]} {word}" for word in MARKS if counts[word]))
     axes.set(xlabel=column.label, ylim=(len(rows) - 0.4, -0.6))
     if column.log:

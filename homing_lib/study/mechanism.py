@@ -532,20 +532,19 @@ def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, dra
     all weights learn stands beside it.
     """
 
-    def words(update: str, *tables: Any) -> str:
+    def words(update: str, of: Any, drawn: Any) -> str:
         told = []
         for label, rival in IN_ROOMS.items():
-            found = by_room(rival, *tables, update)
-            of = [one.word for one in found.values()]
-            counts = ", ".join(f"{word} in {of.count(word)}" for word in _WORDS if word in of)
+            found = by_room(rival, of, drawn, rooms, rooms_drawn, update)
+            each = [one.word for one in found.values()]
+            counts = ", ".join(f"{word} in {each.count(word)}" for word in _WORDS if word in each)
             told.append(f"{label}: {counts} rooms, pooled {pooled(found):.2f}")
         return "; ".join(told)
 
     found = by_room("i.i.d.", taken, drawn, rooms, rooms_drawn)
     return (
         whether(*found.values()),
-        f"{_INTRO} {words('taken', taken, drawn, rooms, rooms_drawn)}. "
-        f"Where all weights learn: {words('all', of_all, drawn_all, rooms, rooms_drawn)}.",
+        f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}.",
     )
 
 
