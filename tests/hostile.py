@@ -578,18 +578,20 @@ SHARES = {
 
 @contextlib.contextmanager
 def limited() -> Iterator[None]:
-    """Raise Hang in whatever takes too long in this process."""
+    """Raise Hang in whatever takes too long in this process; processes that are started in it can be interrupted."""
 
     def stop(*_: Any) -> None:
         raise Hang(f"more than {LIMIT_S} s")
 
     before = signal.signal(signal.SIGALRM, stop)
+    interrupts = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a shell's background
     signal.alarm(LIMIT_S)
     try:
         yield
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGINT, interrupts)
 
 
 def torment(folder: Path, cases: int, seed: int, processes: int | None = None) -> Counter[str]:

@@ -1,6 +1,9 @@
 """A cut of the hostile campaign; the whole: `python -m tests.hostile 1500 --seed N`."""
 
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -31,3 +34,16 @@ def test_a_campaign_notices_what_is_lost_and_what_is_no_line(tmp_path, capsys, m
     monkeypatch.setattr("homing_lib.environment.shown", lambda value: f"{value!r}\n")
     assert hostile.torment(tmp_path / "b", 30, seed=0, processes=0)["tracebacks"] > 0
     capsys.readouterr()
+
+
+def test_what_a_campaign_starts_can_be_interrupted_from_a_shells_background_too():
+    from tests.hostile import limited
+
+    program = "import signal; print(signal.getsignal(signal.SIGINT) == signal.default_int_handler)"
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with limited():
+            assert subprocess.check_output([sys.executable, "-c", program], text=True) == "True\n"
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)

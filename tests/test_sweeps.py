@@ -17,6 +17,7 @@ import pytest
 
 from homing_lib.agent import run
 from homing_lib.errors import UserError
+from homing_lib.storage import packed, read_arrays
 from homing_lib.study import runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
@@ -349,7 +350,23 @@ def test_an_interrupt_in_the_moment_when_workers_are_started_is_late_but_not_los
         sweep(STUDY, workers=2)
 
 
-# What vouches for a complete run
+# What vouches for a run
+
+
+@pytest.mark.parametrize("what", ["a column", "what made it", "its hash"])
+def test_a_single_run_that_was_altered_and_is_whole_is_computed_anew(what, here, stored):
+    FEW.table.unlink()
+    path = path_of(FEW.folder, *FEW.jobs()[0])
+    about, arrays = read_arrays(path)
+    if what == "a column":
+        arrays["steps"] = arrays["steps"] * 2
+    elif what == "what made it":
+        about["made by"] = dict.fromkeys(runs.MADE_BY, "someone")
+    else:
+        del about["sha256"]  # as earlier versions stored it
+    path.write_bytes(packed(about, arrays))
+    assert sweep(FEW, workers=1) == 1
+    assert contents(here) == stored
 
 
 @pytest.fixture

@@ -350,20 +350,30 @@ def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, o
         save(result, path)
     else:
         about = {"settings": settings.model_dump(), "seed": seed, "measure": study.measured, "made by": origin}
-        write_bytes(path, packed(about, result))
+        write_bytes(path, packed(about | {"sha256": _hash_of(about, result)}, result))
     return path
 
 
 def _is_sound(study: Study, manifest: Mapping[str, Any], settings: Settings, seed: int) -> bool:
-    """Whether a run is stored, and a complete one vouched for. Raises UserError if its file is damaged, or of another.
+    """Whether a run is stored, and vouched for. Raises UserError if its file is damaged, or of another.
 
-    What no manifest vouches for might be anything: it is computed anew.
+    What no manifest vouches for, nor a hash of its own if it is a single run, might be anything: it is computed anew.
     """
     path = path_of(study.folder, settings, seed)
     if not path.exists() or (not study.measure and path.name not in manifest.get("sha256", {})):
         return False
-    about, _ = _stored(study, settings, seed)
-    return study.measure is None or about.get("measure") == study.measured
+    about, arrays = _stored(study, settings, seed)
+    if not study.measure:
+        return True
+    own = about.pop("sha256", None)  # no manifest speaks of single runs, which are not kept
+    return about.get("measure") == study.measured and own == _hash_of(about, arrays)
+
+
+def _hash_of(about: Mapping[str, Any], arrays: Columns) -> str:
+    found = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    for name, array in sorted(arrays.items()):
+        found.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
+    return found.hexdigest()
 
 
 def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
