@@ -1,0 +1,207 @@
+"""The site: the whole companion as pages that open from disk, ask nobody for anything, and need no JavaScript.
+
+`python -m homing_lib.publish.site` writes .build/site from the executed notebooks, the report, the film, the
+demonstration, the verdicts and the docstrings. Every page is a notebook, if need be of one cell, that nbconvert puts
+into the template notebooks/site/; its mathematics becomes MathML on the way.
+"""
+
+import ast
+import re
+import shutil
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from jinja2 import pass_context
+from latex2mathml.converter import convert
+from nbconvert import HTMLExporter
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+from pygments.formatters import HtmlFormatter
+
+import homing_lib
+from homing_lib.publish import figures, forests, plots, report
+from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
+from homing_lib.publish.page import PAGE, palette
+from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.study import claims, errata
+
+SITE = ROOT / ".build" / "site"
+TEMPLATE = NOTEBOOKS / "site"
+LESSONS = 4
+"""The first notebooks, which teach: their code is shown, that of the later ones is folded away."""
+
+DOORS = (
+    ("index.html", "Home"),
+    ("demo.html", "Play"),
+    ("report.pdf", "Report"),
+    ("claims.html", "Claims"),
+    ("errata.html", "Errata"),
+    ("model.html", "Model"),
+)
+COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+
+
+def build() -> dict[str, bytes]:
+    """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
+    files = {name: content(path) for name, path in COPIES.items()}
+    css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
+    files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
+    notebooks = {
+        f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
+        for source in sorted(NOTEBOOKS.glob("*.ipynb"))
+    }
+    chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
+    pages = {
+        "index.html": home(chain),
+        "claims.html": f"# Claims and questions\n\n{claims.table(claims.names())}",
+        "errata.html": f"# Slips of the printed paper\n\n{errata.table(errata.ERRATA)}",
+        "model.html": model(),
+    }
+    for address, markdown in pages.items():
+        notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(markdown, id="page")])
+        files |= converted(notebook, address)
+    ends = [("index.html", "Home"), *chain, ("claims.html", "Claims")]
+    for place, (address, notebook) in enumerate(notebooks.items(), start=1):
+        describe(notebook)
+        files |= converted(
+            notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS
+        )
+    return files
+
+
+def content(path: Path) -> bytes:
+    if not path.exists():
+        raise missing(path, "missing; `make` builds it, and git has it")
+    return path.read_bytes()
+
+
+def text(path: Path) -> str:
+    return content(path).decode("utf-8")
+
+
+# --- From a notebook to a page ---------------------------------------------------------------------------------------
+
+
+class Renderer(IPythonRenderer):
+    """Markdown as HTML: mathematics as MathML, links to pages instead of notebooks, tables that scroll by themselves."""
+
+    def block_math(self, body: str) -> str:
+        return convert(body, display="block")
+
+    def inline_math(self, body: str) -> str:
+        return convert(body)
+
+    def link(self, text: str, url: str, title: str | None = None) -> str:
+        return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
+
+    def table(self, text: str) -> str:
+        return f'<div class="wide" tabindex="0">\n<table>\n{text}</table>\n</div>\n'
+
+
+class Exporter(HTMLExporter):
+    @pass_context
+    def markdown2html(self, _: Any, source: str) -> str:
+        return MarkdownWithMath(renderer=Renderer(escape=False)).render(source)
+
+
+def converted(notebook: Notebook, address: str, **resources: Any) -> dict[str, bytes]:
+    """The page and its images, by name."""
+    exporter = Exporter(template_name="site", extra_template_basedirs=[str(NOTEBOOKS)])
+    exporter.register_preprocessor("nbconvert.preprocessors.ExtractOutputPreprocessor", enabled=True)
+    notebook.cells = [cell for cell in notebook.cells if not any("parameters" in tag for tag in tags(cell))]
+    resources |= {"address": address, "title": title(notebook), "doors": DOORS, "unique_key": Path(address).stem}
+    html, resources = exporter.from_notebook_node(notebook, resources)
+    return {address: html.encode(), **resources["outputs"]}
+
+
+def tags(cell: Any) -> list[str]:
+    return cell.metadata.get("tags", [])
+
+
+def title(notebook: Notebook) -> str:
+    """Its first heading."""
+    return notebook.cells[0].source.splitlines()[0].removeprefix("# ")
+
+
+def describe(notebook: Notebook) -> None:
+    """Give each cell that draws what a reader hears who does not see: its section, and what the function draws."""
+    section = ""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            section = ([section] + re.findall(r"^#+ (.*)", cell.source, re.M))[-1]
+            continue
+        drawn = re.findall(r"\b(?:figures|plots|forests)\.(?!save|stored)(\w+)\(|\b(forest)\(", cell.source)
+        cell.metadata.alt = " ".join([f"Figure. {section.rstrip('.?')}:", *map(drawing, map("".join, drawn))])
+
+
+def drawing(name: str) -> str:
+    """The first line of a drawing function's docstring."""
+    function = next(getattr(module, name) for module in (figures, plots, forests) if hasattr(module, name))
+    return (function.__doc__ or "").strip().splitlines()[0]
+
+
+# --- Pages of our own ------------------------------------------------------------------------------------------------
+
+
+def home(chain: list[tuple[str, str]]) -> str:
+    """Its text, with the result as it was computed, the caveats of README, and the notebooks."""
+    caveats = re.search(r"^Read it with three grains of salt.*?\n\n", text(ROOT / "README.md"), re.M | re.S)
+    assert caveats
+    parts = {
+        "RESULT": "\n\n".join(f"> {sentence}\n>" for sentence in report.result()),
+        "CAVEATS": caveats[0],
+        "NOTEBOOKS": "\n".join(f"- [{name}]({address})" for address, name in chain),
+    }
+    page = text(TEMPLATE / "home.md")
+    for mark, filled in parts.items():
+        page = page.replace(f"\n{mark}\n", f"\n{filled}\n")
+    return page
+
+
+def model() -> str:
+    """The functions and classes of the model's wing: signatures and docstrings."""
+    parts = ["# The model", "", "Every public function and class, by module, from the docstrings."]
+    for path in sorted(Path(homing_lib.__file__).parent.glob("[a-z]*.py")):
+        tree = ast.parse(text(path))
+        parts += [f"## {path.stem}", documented(tree)]
+        for node in public(tree):
+            parts += [f"### {node.name}", signature(node), documented(node)]
+            for method in public(node) if isinstance(node, ast.ClassDef) else []:
+                parts += [signature(method), documented(method)]
+    return "\n\n".join(parts)
+
+
+Documented = ast.FunctionDef | ast.ClassDef
+
+
+def public(of: ast.Module | ast.ClassDef) -> list[Documented]:
+    """Functions and classes for use elsewhere, in the order of the file."""
+    return [node for node in of.body if isinstance(node, Documented) and not node.name.startswith("_")]
+
+
+def signature(of: Documented) -> str:
+    told = f"{of.name}({ast.unparse(of.args)})" if isinstance(of, ast.FunctionDef) else f"class {of.name}"
+    returned = f" -> {ast.unparse(of.returns)}" if isinstance(of, ast.FunctionDef) and of.returns else ""
+    return f"```python\n{told}{returned}\n```"
+
+
+def documented(of: ast.Module | Documented) -> str:
+    """A docstring as HTML: paragraphs, and what is indented or a table as it stands."""
+    html = []
+    for part in (ast.get_docstring(of) or "").split("\n\n"):
+        kind = "pre" if re.search(r"^[ |]|  ", part, re.M) else "p"
+        html.append(f"<{kind}>{escape(part, quote=False)}</{kind}>")
+    return "\n".join(html)
+
+
+def write(folder: Path = SITE) -> None:
+    """Write the site in place of the one that is there."""
+    files = build()
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, content_ in files.items():
+        write_bytes(folder / name, content_)
+
+
+if __name__ == "__main__":
+    write()
