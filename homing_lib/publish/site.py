@@ -8,16 +8,19 @@ into the template notebooks/site/; its mathematics becomes MathML on the way.
 import ast
 import re
 import shutil
+from collections import ChainMap
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import nbformat
-from jinja2 import pass_context
 from latex2mathml.converter import convert
+from matplotlib.figure import Figure
 from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 from pygments.formatters import HtmlFormatter
+from traitlets.config import Config
 
 import homing_lib
 from homing_lib.publish import figures, forests, plots, report
@@ -64,9 +67,7 @@ def build() -> dict[str, bytes]:
     ends = [("index.html", "Home"), *chain, ("claims.html", "Claims")]
     for place, (address, notebook) in enumerate(notebooks.items(), start=1):
         describe(notebook)
-        files |= converted(
-            notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS
-        )
+        files |= converted(notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS)
     return files
 
 
@@ -84,7 +85,7 @@ def text(path: Path) -> str:
 
 
 class Renderer(IPythonRenderer):
-    """Markdown as HTML: mathematics as MathML, links to pages instead of notebooks, tables that scroll by themselves."""
+    """Markdown as HTML: formulas as MathML, links to pages and not to notebooks, tables that scroll by themselves."""
 
     def block_math(self, body: str) -> str:
         return convert(body, display="block")
@@ -96,19 +97,24 @@ class Renderer(IPythonRenderer):
         return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
 
     def table(self, text: str) -> str:
-        return f'<div class="wide" tabindex="0">\n<table>\n{text}</table>\n</div>\n'
+        """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
+        longest = max(map(len, re.findall(r"<td.*?</td>", text, re.S)), default=0)
+        kind = "wide rows" if longest > 120 else "wide"
+        return f'<div class="{kind}" tabindex="0">\n<table>\n{text}</table>\n</div>\n'
 
 
-class Exporter(HTMLExporter):
-    @pass_context
-    def markdown2html(self, _: Any, source: str) -> str:
-        return MarkdownWithMath(renderer=Renderer(escape=False)).render(source)
+def rendered(markdown: str) -> str:
+    return MarkdownWithMath(renderer=Renderer(escape=False)).render(markdown)
 
 
 def converted(notebook: Notebook, address: str, **resources: Any) -> dict[str, bytes]:
     """The page and its images, by name."""
-    exporter = Exporter(template_name="site", extra_template_basedirs=[str(NOTEBOOKS)])
-    exporter.register_preprocessor("nbconvert.preprocessors.ExtractOutputPreprocessor", enabled=True)
+    exporter = HTMLExporter(
+        template_name="site",
+        extra_template_basedirs=[str(NOTEBOOKS)],
+        filters={"markdown2html": rendered},
+        config=Config(ExtractOutputPreprocessor={"enabled": True}),
+    )
     notebook.cells = [cell for cell in notebook.cells if not any("parameters" in tag for tag in tags(cell))]
     resources |= {"address": address, "title": title(notebook), "doors": DOORS, "unique_key": Path(address).stem}
     html, resources = exporter.from_notebook_node(notebook, resources)
@@ -129,16 +135,21 @@ def describe(notebook: Notebook) -> None:
     section = ""
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            section = ([section] + re.findall(r"^#+ (.*)", cell.source, re.M))[-1]
+            section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
-        drawn = re.findall(r"\b(?:figures|plots|forests)\.(?!save|stored)(\w+)\(|\b(forest)\(", cell.source)
-        cell.metadata.alt = " ".join([f"Figure. {section.rstrip('.?')}:", *map(drawing, map("".join, drawn))])
+        told = [drawings()[name] for name in re.findall(r"\w+(?=\()", cell.source) if name in drawings()]
+        cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
 
 
-def drawing(name: str) -> str:
-    """The first line of a drawing function's docstring."""
-    function = next(getattr(module, name) for module in (figures, plots, forests) if hasattr(module, name))
-    return (function.__doc__ or "").strip().splitlines()[0]
+@cache
+def drawings() -> dict[str, str]:
+    """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
+    functions = [vars(module) for module in (figures, plots, forests)]
+    return {
+        name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
+        for name, function in ChainMap(*functions).items()
+        if getattr(function, "__annotations__", {}).get("return") in (Figure, "Figure")
+    }
 
 
 # --- Pages of our own ------------------------------------------------------------------------------------------------
@@ -166,7 +177,7 @@ def model() -> str:
         tree = ast.parse(text(path))
         parts += [f"## {path.stem}", documented(tree)]
         for node in public(tree):
-            parts += [f"### {node.name}", signature(node), documented(node)]
+            parts += [f"### {path.stem}.{node.name}", signature(node), documented(node)]
             for method in public(node) if isinstance(node, ast.ClassDef) else []:
                 parts += [signature(method), documented(method)]
     return "\n\n".join(parts)
@@ -183,7 +194,7 @@ def public(of: ast.Module | ast.ClassDef) -> list[Documented]:
 def signature(of: Documented) -> str:
     told = f"{of.name}({ast.unparse(of.args)})" if isinstance(of, ast.FunctionDef) else f"class {of.name}"
     returned = f" -> {ast.unparse(of.returns)}" if isinstance(of, ast.FunctionDef) and of.returns else ""
-    return f"```python\n{told}{returned}\n```"
+    return f'<pre class="signature">{escape(told + returned, quote=False)}</pre>'
 
 
 def documented(of: ast.Module | Documented) -> str:
