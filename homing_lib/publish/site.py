@@ -88,19 +88,25 @@ class Renderer(IPythonRenderer):
     """Markdown as HTML: formulas as MathML, links to pages and not to notebooks, tables that scroll by themselves."""
 
     def block_math(self, body: str) -> str:
-        return convert(body, display="block")
+        return mathml(body, display="block")
 
     def inline_math(self, body: str) -> str:
-        return convert(body)
+        return mathml(body, display="inline")
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
         return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
 
     def table(self, text: str) -> str:
         """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
-        longest = max(map(len, re.findall(r"<td.*?</td>", text, re.S)), default=0)
+        longest = max(len(re.sub(r"<[^>]*>", "", cell)) for cell in re.findall(r"<td.*?</td>", text, re.S))
         kind = "wide rows" if longest > 120 else "wide"
         return f'<div class="{kind}" tabindex="0">\n<table>\n{text}</table>\n</div>\n'
+
+
+def mathml(latex: str, display: str) -> str:
+    """A formula; its bars are as high as the letters between them, and as near on either side."""
+    bar = r"<mo[^>]*>(\||∥|&#x0007C;|&#x02016;|&#x02225;)</mo>"
+    return re.sub(bar, r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', convert(latex, display=display))
 
 
 def rendered(markdown: str) -> str:
@@ -177,9 +183,9 @@ def model() -> str:
         tree = ast.parse(text(path))
         parts += [f"## {path.stem}", documented(tree)]
         for node in public(tree):
+            methods = public(node) if isinstance(node, ast.ClassDef) else []
             parts += [f"### {path.stem}.{node.name}", signature(node), documented(node)]
-            for method in public(node) if isinstance(node, ast.ClassDef) else []:
-                parts += [signature(method), documented(method)]
+            parts += [part for method in methods for part in (signature(method), documented(method))]
     return "\n\n".join(parts)
 
 
@@ -192,9 +198,11 @@ def public(of: ast.Module | ast.ClassDef) -> list[Documented]:
 
 
 def signature(of: Documented) -> str:
-    told = f"{of.name}({ast.unparse(of.args)})" if isinstance(of, ast.FunctionDef) else f"class {of.name}"
-    returned = f" -> {ast.unparse(of.returns)}" if isinstance(of, ast.FunctionDef) and of.returns else ""
-    return f'<pre class="signature">{escape(told + returned, quote=False)}</pre>'
+    """What a function takes and returns, as HTML; nothing for a class."""
+    if isinstance(of, ast.ClassDef):
+        return ""
+    returned = f" -> {ast.unparse(of.returns)}" if of.returns else ""
+    return f'<pre class="signature">{escape(f"{of.name}({ast.unparse(of.args)}){returned}", quote=False)}</pre>'
 
 
 def documented(of: ast.Module | Documented) -> str:
@@ -202,7 +210,8 @@ def documented(of: ast.Module | Documented) -> str:
     html = []
     for part in (ast.get_docstring(of) or "").split("\n\n"):
         kind = "pre" if re.search(r"^[ |]|  ", part, re.M) else "p"
-        html.append(f"<{kind}>{escape(part, quote=False)}</{kind}>")
+        told = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", escape(part, quote=False))
+        html.append(f"<{kind}>{told}</{kind}>")
     return "\n".join(html)
 
 
