@@ -129,6 +129,16 @@ def test_each_claim_and_erratum_is_a_row_of_as_many_cells_as_the_head(pages):
         assert {len(row.find_all("td")) for row in rows} == {len(head.find_all("th"))}
 
 
+def test_the_page_of_the_model_has_what_its_modules_offer_and_every_setting(pages):
+    told = pages["model.html"]
+    headings = {heading.get_text().rstrip("¶") for heading in told.find_all("h3")}
+    assert {"lambdas.fletcher_reeves", "sarsa.LinearSarsa", "environment.HomingEnv", "arena.Arena"} <= headings
+    assert not [name for name in headings if name.split(".")[1].startswith("_")]
+    assert "Eq. (7), form 2" in told.get_text()
+    cells = [row.td.get_text() for row in told.table.find_all("tr")[1:]]
+    assert cells == list(site.Settings.model_fields)
+
+
 def test_what_is_not_there_is_named_in_one_line(monkeypatch, tmp_path):
     monkeypatch.setitem(site.COPIES, "report.pdf", tmp_path / "report.pdf")
     with pytest.raises(UserError, match=r"report\.pdf: missing; `make` builds it") as told:

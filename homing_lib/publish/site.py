@@ -26,6 +26,7 @@ import homing_lib
 from homing_lib.publish import figures, forests, plots, report
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
 from homing_lib.publish.page import PAGE, palette
+from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, missing, write_bytes
 from homing_lib.study import claims, errata
 
@@ -177,7 +178,7 @@ def home(chain: list[tuple[str, str]]) -> str:
 
 
 def model() -> str:
-    """The functions and classes of the model's wing: signatures and docstrings."""
+    """The model's wing: the signatures and docstrings of its functions and classes, and every setting."""
     parts = ["# The model", "", "Every public function and class, by module, from the docstrings."]
     for path in sorted(Path(homing_lib.__file__).parent.glob("[a-z]*.py")):
         tree = ast.parse(text(path))
@@ -186,6 +187,8 @@ def model() -> str:
             methods = public(node) if isinstance(node, ast.ClassDef) else []
             parts += [f"### {path.stem}.{node.name}", signature(node), documented(node)]
             parts += [part for method in methods for part in (signature(method), documented(method))]
+    rows = [f"| `{name}` | `{field.default}` | {field.description} |" for name, field in Settings.model_fields.items()]
+    parts += ["## Every setting", "\n".join(["| setting | default | what, and its source |", "|---|---|---|", *rows])]
     return "\n\n".join(parts)
 
 
