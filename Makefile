@@ -8,6 +8,7 @@
 #   make quick       the same in some minutes and into .build/quick, for trying changes out
 #   make paper       the report
 #   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
+#   make site        all of it as pages to read from disk: open .build/site/index.html
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -36,9 +37,9 @@ unexport PYTHONPATH PYTHONHOME
 
 # Before all else: a stamp goes when a file that it lists is not as it was written, so that the file is made again; so
 # does a folder in a stamp's place.
-$(shell for stamp in .build/data .build/verified .build/numbers .build/demo .build/notebooks/*; do \
+$(shell for stamp in .build/data .build/verified .build/numbers .build/demo .build/pages .build/notebooks/*; do \
   [ ! -d "$$stamp" ] || rm -rf "$$stamp"; done)
-$(shell for stamp in $(wildcard .build/numbers .build/demo .build/notebooks/*); do \
+$(shell for stamp in $(wildcard .build/numbers .build/demo .build/pages .build/notebooks/*); do \
   cut -d ' ' -f 3- "$$stamp" | while read -r file; do cksum "$$file"; done 2>/dev/null | cmp -s - "$$stamp" || \
   rm -f "$$stamp"; done)
 $(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/report.pdf ] || rm -f paper/report.pdf)
@@ -46,7 +47,7 @@ $(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/r
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper demo bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper demo site bench class compact lock clean help FORCE
 
 all: .build/summary paper/report.pdf .build/demo
 	@cat $<
@@ -135,6 +136,14 @@ paper/report.pdf: .build/paper/report.pdf
 	@cksum notebooks/executed/demo.html > $@
 
 
+### The site
+
+.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) README.md figures/film.gif environment.lock \
+  $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
+	$(VENV) -m homing_lib.publish.site
+	@cksum .build/site/* > $@
+
+
 ### Names for the above
 
 data: .build/data
@@ -143,6 +152,7 @@ notebooks: $(NOTEBOOKS:%=.build/notebooks/%)
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
 paper: paper/report.pdf
 demo: .build/demo
+site: .build/pages
 
 test: .venv/.ready
 	$(VENV) -m ruff check

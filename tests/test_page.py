@@ -71,7 +71,9 @@ def engine() -> Iterator[Engine]:
 def assert_same_run(engine: Engine, settings: Settings, seed: int, own: str | None = None, rule: Any = None) -> None:
     """Every action, length and reset equal; weights and delta within 1e-12 and lambda within 1e-10.
 
-    A delta is a difference of values, which are sums of n products: what is held to 1e-12 is the value of one feature.
+    Form 1 divides what nearly cancels by what nearly cancels, which leaves the last bit of an exponential in the tenth
+    digit of lambda and so, a few steps later, moves delta by some 1e-12: there it is held to 1e-11. Where weights run
+    away, the value of one feature is held to 1e-12 of the largest.
     """
     learners: list[Any] = []
     ours = agent.run(settings, seed, rule, afterwards=lambda _, agent: learners.append(getattr(agent, "learner", None)))
@@ -90,9 +92,14 @@ def assert_same_run(engine: Engine, settings: Settings, seed: int, own: str | No
         np.testing.assert_allclose(theirs["weights"], weights, rtol=1e-12, atol=1e-12, err_msg="weights")
         largest = max(largest, np.abs(weights).max())
     tolerance = dict.fromkeys(STEP_COLUMNS, 1e-12)
-    tolerance |= {"delta": 1e-12 * largest * settings.n_features, "change": 1e-12 * largest, "lambda": 1e-10}
+    tolerance |= {"change": 1e-12 * largest, "lambda": 1e-10}
+    if settings.lambda_rule.startswith("hestenes-stiefel"):
+        tolerance["delta"] = 1e-11
+    if largest > 10:
+        tolerance["delta"] = 1e-12 * largest * settings.n_features
     for name, most in tolerance.items():
-        np.testing.assert_allclose(steps[name], ours.column(name), rtol=most, atol=most, err_msg=name)
+        relative = 0 if name == "delta" else most
+        np.testing.assert_allclose(steps[name], ours.column(name), rtol=relative, atol=most, err_msg=name)
 
 
 # --- Random streams --------------------------------------------------------------------------------------------------

@@ -1,0 +1,230 @@
+"""The site: the whole companion as pages that open from disk, ask nobody for anything, and need no JavaScript.
+
+`python -m homing_lib.publish.site` writes .build/site from the executed notebooks, the report, the film, the
+demonstration, the verdicts and the docstrings. Every page is a notebook, if need be of one cell, that nbconvert puts
+into the template notebooks/site/; its mathematics becomes MathML on the way.
+"""
+
+import ast
+import re
+import shutil
+from collections import ChainMap
+from functools import cache
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from latex2mathml.converter import convert
+from matplotlib.figure import Figure
+from nbconvert import HTMLExporter
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+from pygments.formatters import HtmlFormatter
+from traitlets.config import Config
+
+import homing_lib
+from homing_lib.publish import figures, forests, plots, report
+from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
+from homing_lib.publish.page import PAGE, palette
+from homing_lib.settings import Settings
+from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.study import claims, errata
+
+SITE = ROOT / ".build" / "site"
+TEMPLATE = NOTEBOOKS / "site"
+LESSONS = 4
+"""The first notebooks, which teach: their code is shown, that of the later ones is folded away."""
+
+DOORS = (
+    ("index.html", "Home"),
+    ("demo.html", "Play"),
+    ("report.pdf", "Report"),
+    ("claims.html", "Claims"),
+    ("errata.html", "Errata"),
+    ("model.html", "Model"),
+)
+COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+
+
+def build() -> dict[str, bytes]:
+    """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
+    files = {name: content(path) for name, path in COPIES.items()}
+    css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
+    files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
+    notebooks = {
+        f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
+        for source in sorted(NOTEBOOKS.glob("*.ipynb"))
+    }
+    chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
+    pages = {
+        "index.html": home(chain),
+        "claims.html": f"# Claims and questions\n\n{claims.table(claims.names())}",
+        "errata.html": f"# Slips of the printed paper\n\n{errata.table(errata.ERRATA)}",
+        "model.html": model(),
+    }
+    for address, markdown in pages.items():
+        notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(markdown, id="page")])
+        files |= converted(notebook, address)
+    ends = [("index.html", "Home"), *chain, ("claims.html", "Claims")]
+    for place, (address, notebook) in enumerate(notebooks.items(), start=1):
+        describe(notebook)
+        files |= converted(notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS)
+    return files
+
+
+def content(path: Path) -> bytes:
+    if not path.exists():
+        raise missing(path, "missing; `make` builds it, and git has it")
+    return path.read_bytes()
+
+
+def text(path: Path) -> str:
+    return content(path).decode("utf-8")
+
+
+# --- From a notebook to a page ---------------------------------------------------------------------------------------
+
+
+class Renderer(IPythonRenderer):
+    """Markdown as HTML: formulas as MathML, links to pages and not to notebooks, tables that scroll by themselves."""
+
+    def block_math(self, body: str) -> str:
+        return mathml(body, display="block")
+
+    def inline_math(self, body: str) -> str:
+        return mathml(body, display="inline")
+
+    def link(self, text: str, url: str, title: str | None = None) -> str:
+        return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
+
+    def table(self, text: str) -> str:
+        """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
+        longest = max(len(re.sub(r"<[^>]*>", "", cell)) for cell in re.findall(r"<td.*?</td>", text, re.S))
+        kind = "wide rows" if longest > 120 else "wide"
+        return f'<div class="{kind}" tabindex="0">\n<table>\n{text}</table>\n</div>\n'
+
+
+def mathml(latex: str, display: str) -> str:
+    """A formula; its bars are as high as the letters between them, and as near on either side."""
+    bar = r"<mo[^>]*>(\||∥|&#x0007C;|&#x02016;|&#x02225;)</mo>"
+    return re.sub(bar, r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', convert(latex, display=display))
+
+
+def rendered(markdown: str) -> str:
+    return MarkdownWithMath(renderer=Renderer(escape=False)).render(markdown)
+
+
+def converted(notebook: Notebook, address: str, **resources: Any) -> dict[str, bytes]:
+    """The page and its images, by name."""
+    exporter = HTMLExporter(
+        template_name="site",
+        extra_template_basedirs=[str(NOTEBOOKS)],
+        filters={"markdown2html": rendered},
+        config=Config(ExtractOutputPreprocessor={"enabled": True}),
+    )
+    notebook.cells = [cell for cell in notebook.cells if not any("parameters" in tag for tag in tags(cell))]
+    resources |= {"address": address, "title": title(notebook), "doors": DOORS, "unique_key": Path(address).stem}
+    html, resources = exporter.from_notebook_node(notebook, resources)
+    return {address: html.encode(), **resources["outputs"]}
+
+
+def tags(cell: Any) -> list[str]:
+    return cell.metadata.get("tags", [])
+
+
+def title(notebook: Notebook) -> str:
+    """Its first heading."""
+    return notebook.cells[0].source.splitlines()[0].removeprefix("# ")
+
+
+def describe(notebook: Notebook) -> None:
+    """Give each cell that draws what a reader hears who does not see: its section, and what the function draws."""
+    section = ""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
+            continue
+        told = [drawings()[name] for name in re.findall(r"\w+(?=\()", cell.source) if name in drawings()]
+        cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
+
+
+@cache
+def drawings() -> dict[str, str]:
+    """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
+    functions = [vars(module) for module in (figures, plots, forests)]
+    return {
+        name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
+        for name, function in ChainMap(*functions).items()
+        if getattr(function, "__annotations__", {}).get("return") in (Figure, "Figure")
+    }
+
+
+# --- Pages of our own ------------------------------------------------------------------------------------------------
+
+
+def home(chain: list[tuple[str, str]]) -> str:
+    """Its text, with the result as it was computed, the caveats of README, and the notebooks."""
+    caveats = re.search(r"^Read it with three grains of salt.*?\n\n", text(ROOT / "README.md"), re.M | re.S)
+    assert caveats
+    parts = {
+        "RESULT": "\n\n".join(f"> {sentence}\n>" for sentence in report.result()),
+        "CAVEATS": caveats[0],
+        "NOTEBOOKS": "\n".join(f"- [{name}]({address})" for address, name in chain),
+    }
+    page = text(TEMPLATE / "home.md")
+    for mark, filled in parts.items():
+        page = page.replace(f"\n{mark}\n", f"\n{filled}\n")
+    return page
+
+
+def model() -> str:
+    """The model's wing: the signatures and docstrings of its functions and classes, and every setting."""
+    parts = ["# The model", "", "Every public function and class, by module, from the docstrings."]
+    for path in sorted(Path(homing_lib.__file__).parent.glob("[a-z]*.py")):
+        tree = ast.parse(text(path))
+        parts += [f"## {path.stem}", documented(tree)]
+        for node in public(tree):
+            methods = public(node) if isinstance(node, ast.ClassDef) else []
+            parts += [f"### {path.stem}.{node.name}", signature(node), documented(node)]
+            parts += [part for method in methods for part in (signature(method), documented(method))]
+    rows = [f"| `{name}` | `{field.default}` | {field.description} |" for name, field in Settings.model_fields.items()]
+    parts += ["## Every setting", "\n".join(["| setting | default | what, and its source |", "|---|---|---|", *rows])]
+    return "\n\n".join(parts)
+
+
+Documented = ast.FunctionDef | ast.ClassDef
+
+
+def public(of: ast.Module | ast.ClassDef) -> list[Documented]:
+    """Functions and classes for use elsewhere, in the order of the file."""
+    return [node for node in of.body if isinstance(node, Documented) and not node.name.startswith("_")]
+
+
+def signature(of: Documented) -> str:
+    """What a function takes and returns, as HTML; nothing for a class."""
+    if isinstance(of, ast.ClassDef):
+        return ""
+    returned = f" -> {ast.unparse(of.returns)}" if of.returns else ""
+    return f'<pre class="signature">{escape(f"{of.name}({ast.unparse(of.args)}){returned}", quote=False)}</pre>'
+
+
+def documented(of: ast.Module | Documented) -> str:
+    """A docstring as HTML: paragraphs, and what is indented or a table as it stands."""
+    html = []
+    for part in (ast.get_docstring(of) or "").split("\n\n"):
+        kind = "pre" if re.search(r"^[ |]|  ", part, re.M) else "p"
+        told = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", escape(part, quote=False))
+        html.append(f"<{kind}>{told}</{kind}>")
+    return "\n".join(html)
+
+
+def write(folder: Path = SITE) -> None:
+    """Write the site in place of the one that is there."""
+    files = build()
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, content_ in files.items():
+        write_bytes(folder / name, content_)
+
+
+if __name__ == "__main__":
+    write()

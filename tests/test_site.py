@@ -1,0 +1,190 @@
+"""The site opens from disk and asks nobody for anything: every page, picture, link and formula of it is there."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import nbformat
+import pytest
+from bs4 import BeautifulSoup
+
+from homing_lib.errors import UserError
+from homing_lib.publish import site
+from tests.browser import CHROMIUM, Browser
+
+NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("*.ipynb"))
+PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), "index.html", "claims.html", "errata.html", "model.html"])
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, bytes]:
+    return site.build()
+
+
+@pytest.fixture(scope="module")
+def pages(files) -> dict[str, BeautifulSoup]:
+    return {name: BeautifulSoup(files[name], "html.parser") for name in PAGES}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """The site as it is written, in place of an older one."""
+    folder = tmp_path_factory.mktemp("site") / "site"
+    folder.mkdir()
+    (folder / "stale.html").touch()
+    site.write(folder)
+    return folder
+
+
+def test_the_site_is_all_its_pages_within_fifteen_megabytes(files):
+    assert sorted(name for name in files if name.endswith(".html")) == sorted([*PAGES, "demo.html"])
+    assert sum(map(len, files.values())) <= 15_000_000
+
+
+def test_written_a_second_time_it_is_the_same_to_the_byte_and_nothing_of_an_older_one_stays(files, folder):
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == files
+
+
+def test_no_page_loads_anything_from_elsewhere_and_none_runs_a_script(files, pages):
+    for name, page in pages.items():
+        loaded = [tag[key] for tag in page.find_all() for key in ("src", "srcset", "data", "poster") if tag.get(key)]
+        loaded += [tag["href"] for tag in page.find_all("link")]
+        loaded += re.findall(r"url\(([^)]*)\)", str(page))
+        assert not [address for address in loaded if ":" in address.removeprefix("data:")], name
+        assert not page.find_all(["script", "iframe", "object", "embed"])
+    assert b"url(" not in files["page.css"]
+    assert b"@import" not in files["page.css"]
+
+
+def test_every_link_leads_to_a_file_of_the_site_and_to_a_place_in_it_or_out_by_a_click(files, pages):
+    for name, page in pages.items():
+        for link in page.find_all(["a", "img", "link"]):
+            address = link.get("href") or link["src"]
+            if address.startswith(("https://", "data:")):
+                continue
+            file, _, place = address.partition("#")
+            assert (file or name) in files, f"{name}: {address}"
+            if place and (file or name) in pages:
+                assert pages[file or name].find(id=place), f"{name}: {address}"
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_notebook_shows_all_its_figures_each_with_words_for_it(name, files, pages):
+    notebook = nbformat.read(site.NOTEBOOKS / "executed" / f"{name}.ipynb", as_version=4)
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    drawn = [output for output in outputs if "image/png" in output.get("data", {})]
+    shown = pages[f"{name}.html"].find_all("img")
+    assert len(shown) == len(drawn) == len({image["src"] for image in shown})
+    assert all(files[image["src"]].startswith(b"\x89PNG") for image in shown)
+    assert all(len(image["alt"].split("”: ")[1].split()) >= 3 for image in shown)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_every_formula_is_mathml_and_no_dollar_is_left(name, pages):
+    notebook = nbformat.read(site.NOTEBOOKS / "executed" / f"{name}.ipynb", as_version=4)
+    texts = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
+    prose = re.sub(r"```.*?```|`[^`]*`", "", "\n".join(texts), flags=re.S)
+    blocks = len(re.findall(r"\$\$.+?\$\$", prose, re.S))
+    page = BeautifulSoup(str(pages[f"{name}.html"]), "html.parser")
+    assert sum(one.get("display") == "block" for one in page.find_all("math")) == blocks
+    assert len(page.find_all("math")) >= blocks + len(re.findall(r"\$[^$]+\$", prose.replace("$$", "")))
+    for formula in page.find_all("math"):
+        assert "\\" not in formula.get_text()
+    for code in page.find_all(["pre", "code"]):
+        code.decompose()
+    assert "$" not in page.get_text()
+
+
+def test_headings_go_down_by_one_and_every_page_says_its_language_and_title(pages):
+    titles = Counter(page.title.get_text() for page in pages.values())
+    assert set(titles.values()) == {1}
+    for name, page in pages.items():
+        levels = [int(heading.name[1]) for heading in page.find_all(re.compile(r"^h\d$"))]
+        assert levels[0] == 1, name
+        assert levels.count(1) == 1, name
+        assert all(after <= before + 1 for before, after in pairwise(levels)), name
+        assert page.html["lang"] == "en"
+        assert all(image.get("alt") for image in page.find_all("img"))
+        ids = Counter(tag["id"] for tag in page.find_all(id=True))
+        assert not [one for one, times in ids.items() if times > 1], name
+
+
+def test_the_later_notebooks_fold_their_code_and_the_lessons_show_it(pages):
+    folded = [bool(pages[f"{name}.html"].select("details.code")) for name in NOTEBOOKS]
+    assert folded == [False] * site.LESSONS + [True] * (len(NOTEBOOKS) - site.LESSONS)
+
+
+def test_the_first_page_says_the_result_and_its_caveats(pages):
+    told = " ".join(pages["index.html"].get_text().split())
+    assert all(sentence in told for sentence in site.report.result())
+    assert "grains of salt" in told
+
+
+def test_each_claim_and_erratum_is_a_row_of_as_many_cells_as_the_head(pages):
+    for name, count in {"claims.html": len(site.claims.names()), "errata.html": len(site.errata.ERRATA)}.items():
+        head, *rows = pages[name].table.find_all("tr")
+        assert len(rows) == count
+        assert {len(row.find_all("td")) for row in rows} == {len(head.find_all("th"))}
+
+
+def test_the_page_of_the_model_has_what_its_modules_offer_and_every_setting(pages):
+    told = pages["model.html"]
+    headings = {heading.get_text().rstrip("¶") for heading in told.find_all("h3")}
+    assert {"lambdas.fletcher_reeves", "sarsa.LinearSarsa", "environment.HomingEnv", "arena.Arena"} <= headings
+    assert not [name for name in headings if name.split(".")[1].startswith("_")]
+    assert "Eq. (7), form 2" in told.get_text()
+    cells = [row.td.get_text() for row in told.table.find_all("tr")[1:]]
+    assert cells == list(site.Settings.model_fields)
+
+
+def test_what_is_not_there_is_named_in_one_line(monkeypatch, tmp_path):
+    monkeypatch.setitem(site.COPIES, "report.pdf", tmp_path / "report.pdf")
+    with pytest.raises(UserError, match=r"report\.pdf: missing; `make` builds it") as told:
+        site.build()
+    assert "\n" not in str(told.value)
+
+
+# --- In a browser ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory) -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_in_a_browser_a_page_fits_a_phone_and_a_wall_and_complains_of_nothing(browser, folder, name):
+    browser.said.clear()
+    browser.asked.clear()
+    for width in (390, 1280, 1920):
+        browser.resize(width, 900)
+        browser.open((folder / name).as_uri())
+        assert browser("document.documentElement.scrollWidth") <= width
+        sizes = browser("[...document.querySelectorAll('math')].map((m) => parseFloat(getComputedStyle(m).fontSize))")
+        assert min(sizes, default=16) >= 13
+    assert browser.said == []
+    elsewhere = {address for address in browser.asked if not address.startswith(folder.as_uri())}
+    assert elsewhere <= {"about:blank", "data:,"}
+
+
+def pictures(folder: Path) -> None:
+    """Screenshots of the written site at three widths: `python -m tests.test_site FOLDER`."""
+    with Browser(folder / "profile") as browser:
+        for width in (390, 1280, 1920):
+            for name in PAGES:
+                browser.resize(width, 900)
+                browser.open((site.SITE / name).as_uri())
+                browser("document.querySelectorAll('img').forEach((image) => { image.loading = 'eager'; })")
+                browser.until("[...document.images].every((image) => image.complete)")
+                browser.screenshot(folder / f"{Path(name).stem}-{width}.png")
+
+
+if __name__ == "__main__":
+    import sys
+
+    pictures(Path(sys.argv[1]))
