@@ -42,7 +42,7 @@ $(shell for stamp in .build/data .build/verified .build/numbers .build/demo .bui
 $(shell for stamp in $(wildcard .build/numbers .build/demo .build/pages .build/notebooks/*); do \
   cut -d ' ' -f 3- "$$stamp" | while read -r file; do cksum "$$file"; done 2>/dev/null | cmp -s - "$$stamp" || \
   rm -f "$$stamp"; done)
-$(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/report.pdf ] || rm -f paper/report.pdf)
+$(shell cmp -s paper/report.pdf .build/paper/report.pdf || rm -f .build/paper/report.pdf)
 
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c

@@ -119,12 +119,19 @@ def test_a_folder_in_the_place_of_a_stamp_is_not_taken_for_one(make, tmp_path, s
     assert (tmp_path / ".build" / stamp).is_file()
 
 
-def test_a_truncated_report_is_copied_again(make, tmp_path):
+def test_a_truncated_report_is_made_again(make, tmp_path):
     script(tmp_path / "bin/latexmk", "#!/bin/sh\necho pages > .build/paper/report.pdf\n")
     make()
     (tmp_path / "paper/report.pdf").write_text("pa")
     make()
     assert (tmp_path / "paper/report.pdf").read_text() == "pages\n"
+
+
+def test_a_report_that_came_with_git_pull_stays_until_the_report_is_made_again(make, tmp_path):
+    make()
+    (tmp_path / "paper/report.pdf").write_text("pulled")
+    make("notebooks")
+    assert (tmp_path / "paper/report.pdf").read_text() == "pulled"
 
 
 def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
