@@ -122,6 +122,10 @@ def test_the_first_page_says_the_result_and_its_caveats(pages):
     assert "grains of salt" in told
 
 
+def test_the_demonstration_leads_back_to_the_first_page(files):
+    assert b'<h1><a href="index.html">' in files["demo.html"]
+
+
 def test_each_claim_and_erratum_is_a_row_of_as_many_cells_as_the_head(pages):
     for name, count in {"claims.html": len(site.claims.names()), "errata.html": len(site.errata.ERRATA)}.items():
         head, *rows = pages[name].table.find_all("tr")

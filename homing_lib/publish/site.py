@@ -44,11 +44,14 @@ DOORS = (
     ("model.html", "Model"),
 )
 COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+HOMEWARDS = (b"<h1>The homing companion</h1>", b'<h1><a href="index.html">The homing companion</a></h1>')
+"""The heading of the demonstration, and what it is in the site: the way back."""
 
 
 def build() -> dict[str, bytes]:
     """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
     files = {name: content(path) for name, path in COPIES.items()}
+    files["demo.html"] = files["demo.html"].replace(*HOMEWARDS)
     css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
     files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
     notebooks = {

@@ -70,8 +70,19 @@ def named(name: str) -> Erratum:
 
 def table(of: Iterable[Erratum]) -> str:
     """Errata as a table in Markdown."""
-    rows = [f"| {one.name} | {one.where} | {one.printed}. {one.wrong}. | {one.reading} |" for one in of]
-    return "\n".join(["| | where | as printed, and why it cannot stand | here |", "|---|---|---|---|", *rows])
+    head = "| | where | as printed, and why it cannot stand | here, and what it changes | proof |"
+    rows = [
+        f"| {one.name} | {one.where} | {one.printed}. {one.wrong}. | {one.reading}. {effect(one)}".rstrip()
+        + f" | {'; '.join(map(_sentence, one.proofs))} |"
+        for one in of
+    ]
+    return "\n".join([head, "|---" * 5 + "|", *rows])
+
+
+def _sentence(proof: str) -> str:
+    """A test's name is the sentence that it proves; other proofs as they stand."""
+    path, _, test = proof.partition("::test_")
+    return f"{test.replace('_', ' ')} ({path})" if test else proof
 
 
 def _printed(*conditions: str) -> tuple[Seen, ...]:
