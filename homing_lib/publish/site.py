@@ -144,7 +144,8 @@ def describe(notebook: Notebook) -> None:
         if cell.cell_type == "markdown":
             section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
-        told = [drawings()[name] for name in re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source) if name in drawings()]
+        called = re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source)
+        told = [drawings()[name] for name in called if name in drawings()]
         cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
 
 
