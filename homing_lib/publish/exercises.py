@@ -22,7 +22,7 @@ from homing_lib.thresholds import Thresholds, stopping_thresholds
 
 @check("3.1 · a run in one number")
 def late_steps(late: Callable[[Run], float]) -> None:
-    """It is the mean steps of the five last episodes of the plan; those that a lost run did not reach count as the cap.
+    """It is the mean steps of the last five episodes planned; those that a lost run did not reach count as the cap.
 
     late: a run to that number.
     """
