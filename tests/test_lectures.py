@@ -28,7 +28,7 @@ MATHS = re.compile(r"\$[^$]*\$|\\\[.*?\\\]", re.DOTALL)
 
 
 def typed(text: str) -> str:
-    """What of a frame or a lecture is said in words: without drawings, layout, figures, formulas, and names of parts."""
+    """What a frame says in words: without drawings, layout, figures, formulas, and names of parts."""
     for other in (DRAWN, SHOWN, LAYOUT, NAMES, MATHS):
         text = other.sub(" ", text)
     return text
