@@ -186,6 +186,7 @@ _ANSWERS = {
     "Band": "Q12",
     "Home": "Q13",
     "Letter": "Q14",
+    "Usual": "Q20",
     "Everywhere": "Q21",
     "Anywhere": "Q23",
     "Learning": "Q24",
