@@ -19,7 +19,7 @@ FRAMES = {
     for number, frame in enumerate(re.findall(r"\\begin{frame}(.*?)\\end{frame}", source, re.DOTALL), start=1)
 }
 SAID = re.compile(r"\\say{(.*)}\n\s+{(.*)}\n\s+{(.*)}\n")
-SHOWN = re.compile(r"\\(?:shown|across)(?:\[([\d ]+)\])?{([\d.]+)}{([\w-]+)}")
+SHOWN = re.compile(r"\\(?:shown|across)(?:\[([\d. ]+)\])?{([\d.]+)}{([\w-]+)}")
 
 DRAWN = re.compile(r"\\begin{tikzpicture}.*?\\end{tikzpicture}", re.DOTALL)
 LAYOUT = re.compile(r"\\textcolor{[^}]*}|\\(?:vspace|begin|renewcommand|term|raisebox|\\)(?:{[^}]*}|\[[^\]]*\])*")
