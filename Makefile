@@ -130,7 +130,7 @@ paper/report.pdf: .build/paper/report.pdf
 	@cp $< $@
 
 # $(1): the PDF without its ending; $(2): further options. If it fails, what LaTeX says of it.
-typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > $(1).pdf.log || \
+typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > $(1).pdf.log 2>&1 || \
 	  { grep -A 5 '^!' $(1).log || tail $(1).pdf.log; exit 1; } >&2
 
 
