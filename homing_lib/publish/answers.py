@@ -22,7 +22,7 @@ def varying_lambda() -> str:
     """Is form 2 better than the best fixed lambda, what of it matters, and in how many rooms? Q1-Q4 and Q7."""
     tables = [load_table(one) for one in (mechanism.MECHANISM, mechanism.MECHANISM_DRAWN)]
     of_rooms = [load_table(one) for one in (mechanism.ROOMS_RULES, mechanism.ROOMS_DRAWN)]
-    best = mechanism.best_fixed(tables[0], "taken").typical
+    best = against_the_best_fixed().typical
     drawn = mechanism.timing(*tables)["i.i.d."].typical
     gate, opposite = (
         mechanism.against(tables[0], rules)[rules[0]].typical for rules in (mechanism.SAME_SIGN, mechanism.SAME_SIZE)
@@ -85,6 +85,12 @@ def matters(aspects: Mapping[str, Verdict]) -> str:
 def listed(parts: list[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
+
+
+@cache
+def against_the_best_fixed() -> Comparison:
+    """Late steps of form 2 as a multiple of those of the best fixed lambda, as Q4 judges them."""
+    return mechanism.best_fixed(load_table(mechanism.MECHANISM), "taken")
 
 
 def against_the_climb(of: Any, *, usual: bool) -> Comparison:

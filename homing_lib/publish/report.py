@@ -1,4 +1,5 @@
-"""The numbers of the report, the README and the terminal, all computed from the stored runs. Nothing is typed."""
+"""The numbers of the report, the lectures, the README and the terminal, all computed from the stored runs. Nothing is
+typed."""
 
 import re
 import textwrap
@@ -18,7 +19,7 @@ from homing_lib.storage import ROOT
 from homing_lib.study import claims, errata, opponents, runs, studies
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW
 from homing_lib.study.probes import CLIMBING
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import by_episode, load_table
 from homing_lib.study.statistics import interval, ratio
 from homing_lib.thresholds import stopping_thresholds
 
@@ -148,7 +149,7 @@ def counted() -> str:
 
 
 def latex() -> str:
-    """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
+    """paper/numbers.tex: a macro for every number of the report and the lectures, and the bodies of the tables."""
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
         "lambdaAnswer": _tex(answers.varying_lambda()),
@@ -163,6 +164,8 @@ def latex() -> str:
         "trialSteps": f"{TRIAL_STEPS}",
         **{f"answer{name}": _tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
         **{f"effect{name}": _tex(claims.judge(question).effect) for name, question in _EFFECTS.items()},
+        "ratioFixed": f"{answers.against_the_best_fixed().typical:.2f}",
+        "ratioClimbUsual": f"{answers.against_the_climb(load_table(opponents.OPPONENTS), usual=True).typical:.2f}",
         "tableOpponents": "\n".join(_row(*cells) for cells in answers.beside_the_headline()),
         "tableClaims": _verdicts_of("C"),
         "tableQuestions": _verdicts_of("Q"),
@@ -175,20 +178,29 @@ def latex() -> str:
 
 
 _ANSWERS = {
+    "Equivalence": "C1",
+    "Timing": "Q1",
+    "Size": "Q2",
+    "Sign": "Q3",
+    "Best": "Q4",
     "Fast": "Q5",
     "Standard": "Q6",
+    "Rooms": "Q7",
+    "Decides": "Q8",
     "Camera": "Q9",
     "Reward": "Q10",
     "Initial": "Q11",
     "Band": "Q12",
     "Home": "Q13",
     "Letter": "Q14",
+    "Usual": "Q20",
+    "Everywhere": "Q21",
     "Anywhere": "Q23",
     "Learning": "Q24",
     "Behind": "Q25",
     "Walk": "Q30",
 }
-"""The questions whose verdicts the text cites, by the end of the macro's name."""
+"""The claims and questions whose verdicts the texts cite, by the end of the macro's name."""
 
 _EFFECTS = {"Rooms": "Q8", "Letter": "Q14", "Anywhere": "Q23"}
 """Those whose effect it cites."""
