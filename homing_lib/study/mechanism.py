@@ -7,13 +7,12 @@ its size and not its sign. Each has the best of three step sizes (`claims.compar
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from itertools import pairwise, permutations
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 from scipy.stats import norm, spearmanr
 
-from homing_lib import lambdas
 from homing_lib.agent import Agent, Run, run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array, similarity
@@ -25,7 +24,8 @@ from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
 from homing_lib.study.statistics import Interval, iqm, side
 from homing_lib.study.studies import FRESH, study
-from homing_lib.td import LinearTD
+from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
+from homing_lib.study.walk import learning
 from homing_lib.thresholds import stopping_thresholds
 
 _PAPER = Settings(images="atlas")
@@ -149,33 +149,12 @@ def properties(settings: Settings, seed: int) -> Columns:
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
-WALK_STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-
-
 def walk(settings: Settings, seed: int) -> Columns:
-    """The 19-state random walk (Sutton & Barto 2018, example 7.1) instead of the robot: of the settings, lambda counts.
+    """The 19-state random walk of the textbooks instead of the robot: of the settings, lambda counts.
 
     One row per step size, `alpha`: `error`, the root mean square over the states, mean of the first ten episodes.
     """
-    rng, truth, features = np.random.default_rng(seed), np.arange(-9, 10) / 10, np.eye(20, 19)
-    walks = []
-    for _ in range(10):
-        states = [9]
-        while 0 <= states[-1] < 19:
-            states.append(states[-1] + int(rng.choice((-1, 1))))
-        walks.append(states)
-    errors = []
-    for alpha in WALK_STEP_SIZES:
-        rule = lambdas.parse(settings.lambda_rule).rule
-        learner = LinearTD(19, step_size=alpha, discount=1.0, lambda_rule=rule)
-        after = []
-        for states in walks:
-            learner.begin_episode()
-            for state, then in pairwise(states):
-                ended = not 0 <= then < 19
-                learner.update(features[state], float(np.sign(then - 9)) * ended, features[then], terminal=ended)
-            after.append(np.sqrt(np.mean((learner.weights - truth) ** 2)))
-        errors.append(np.mean(after))
+    errors = [learning(settings.lambda_rule, seed, alpha).mean() for alpha in WALK_STEP_SIZES]
     return {"alpha": np.array(WALK_STEP_SIZES), "error": np.array(errors)}
 
 
