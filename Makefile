@@ -9,6 +9,7 @@
 #   make paper       the report
 #   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
 #   make site        all of it as pages to read from disk: open .build/site/index.html
+#   make lab         the lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -22,7 +23,7 @@ VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
 LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py)
-NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
+NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/[0-9]*.ipynb))
 
 # The same bytes on every run: one thread for linear algebra, fixed hashes, a fixed date in every PDF.
 export OPENBLAS_NUM_THREADS := 1
@@ -47,7 +48,7 @@ $(shell cmp -s paper/report.pdf .build/paper/report.pdf || [ ! -e .build/paper/r
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper demo site bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper demo site lab bench class compact lock clean help FORCE
 
 all: .build/summary paper/report.pdf .build/demo
 	@cat $<
@@ -144,6 +145,12 @@ paper/report.pdf: .build/paper/report.pdf
 	@cksum .build/site/* > $@
 
 
+### The lab: two archives
+
+.build/lab/lab-teacher.zip: .build/data $(LIBRARY) notebooks/lab.ipynb $(wildcard notebooks/lab/*) environment.lock
+	$(VENV) -m homing_lib.publish.handouts
+
+
 ### Names for the above
 
 data: .build/data
@@ -153,6 +160,7 @@ quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
 paper: paper/report.pdf
 demo: .build/demo
 site: .build/pages
+lab: .build/lab/lab-teacher.zip
 
 test: .venv/.ready
 	$(VENV) -m ruff check

@@ -14,7 +14,6 @@ Nothing that a student writes stops the notebook. Trials are random, from a gene
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper, wraps
-from itertools import pairwise
 from numbers import Real
 from typing import Any, Literal, NamedTuple
 
@@ -382,10 +381,7 @@ GUARDS = (0.0, 0.8, 1.0)
 def first_episode(rule: lambdas.LambdaRule, states: Sequence[int], on_zero: float = 0.0) -> Array:
     """The values of the 19 states after one episode of the random walk. states: one of `walk.walks`."""
     learner = LinearTD(19, step_size=0.1, discount=1.0, lambda_rule=rule, on_zero=on_zero)
-    features = np.eye(20, 19)
-    for state, then in pairwise(states):
-        ended = not 0 <= then < 19
-        learner.update(features[state], float(np.sign(then - 9)) * ended, features[then], terminal=ended)
+    walk.follow(learner, states)
     return learner.weights
 
 

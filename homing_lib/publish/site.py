@@ -53,7 +53,7 @@ def build() -> dict[str, bytes]:
     files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
     notebooks = {
         f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
-        for source in sorted(NOTEBOOKS.glob("*.ipynb"))
+        for source in sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
     }
     chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
     pages = {
