@@ -1,8 +1,9 @@
 """The two archives of the lab: the students', who set it up from there, and the teacher's, with all solutions executed.
 
-`python -m homing_lib.publish.handouts` writes them to .build/lab from notebooks/lab.ipynb, notebooks/lab/ and the library.
+`python -m homing_lib.publish.handouts` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
 """
 
+import logging
 import re
 import tempfile
 import zipfile
@@ -37,6 +38,7 @@ def filled(answers: Mapping[str, str]) -> Notebook:
 
 def executed(answers: Mapping[str, str]) -> bytes:
     """The lab with these answers, run to its last cell."""
+    logging.getLogger("papermill").setLevel(logging.ERROR)  # it misses a cell of parameters, of which the lab has none
     with tempfile.TemporaryDirectory() as scratch:
         source = Path(scratch, "lab", LAB.name)
         source.parent.mkdir()
