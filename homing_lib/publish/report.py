@@ -85,6 +85,15 @@ def conclusion(h: Headline) -> str:
     )
 
 
+def in_numbers(h: Headline) -> list[str]:
+    """The end against the beginning and against chance, and how often home was reached: two sentences."""
+    return [
+        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
+        f"{h.of_random:.2f}. The end is {h.verdict} both.",
+        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
+    ]
+
+
 def result() -> list[str]:
     """Three sentences: does it learn, does a varying lambda matter and by what, is it worth it."""
     return [conclusion(stored_headline()), answers.varying_lambda(), answers.worth()]
@@ -95,9 +104,7 @@ def summary() -> str:
     h = stored_headline()
     lines = [
         *result(),
-        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
-        f"{h.of_random:.2f}. The end is {h.verdict} both.",
-        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
+        *in_numbers(h),
     ]
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())

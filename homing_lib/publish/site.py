@@ -23,7 +23,7 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish import figures, forests, plots, report
+from homing_lib.publish import figures, forests, plots, report, widgets
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
 from homing_lib.publish.page import PAGE, palette
 from homing_lib.settings import Settings
@@ -144,14 +144,15 @@ def describe(notebook: Notebook) -> None:
         if cell.cell_type == "markdown":
             section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
-        told = [drawings()[name] for name in re.findall(r"\w+(?=\()", cell.source) if name in drawings()]
+        called = re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source)
+        told = [drawings()[name] for name in called if name in drawings()]
         cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
 
 
 @cache
 def drawings() -> dict[str, str]:
     """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
-    functions = [vars(module) for module in (figures, plots, forests)]
+    functions = [vars(module) for module in (figures, plots, forests, widgets)]
     return {
         name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
         for name, function in ChainMap(*functions).items()
