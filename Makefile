@@ -139,7 +139,7 @@ paper/report.pdf: .build/paper/report.pdf
 
 ### The site
 
-.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) README.md figures/film.gif environment.lock \
+.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) notebooks/lab.ipynb README.md figures/film.gif environment.lock \
   $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
 	$(VENV) -m homing_lib.publish.site
 	@cksum .build/site/* > $@

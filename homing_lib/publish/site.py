@@ -43,7 +43,12 @@ DOORS = (
     ("errata.html", "Errata"),
     ("model.html", "Model"),
 )
-COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+COPIES = {
+    "demo.html": PAGE,
+    "report.pdf": ROOT / "paper" / "report.pdf",
+    "film.gif": ROOT / "figures" / "film.gif",
+    "lab.ipynb": NOTEBOOKS / "lab.ipynb",
+}
 
 
 def build() -> dict[str, bytes]:
@@ -95,7 +100,7 @@ class Renderer(IPythonRenderer):
         return mathml(body, display="inline")
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
-        return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
+        return super().link(text, re.sub(r"^(\d[\w-]*)\.ipynb", r"\1.html", url), title)
 
     def table(self, text: str) -> str:
         """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
