@@ -10,6 +10,7 @@
 #   make lectures    two lectures on slides and their notes, .build/lectures/*.pdf
 #   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
 #   make site        all of it as pages to read from disk: open .build/site/index.html
+#   make lab         the lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -23,7 +24,7 @@ VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
 LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py)
-NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
+NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/[0-9]*.ipynb))
 LECTURES  := $(patsubst paper/lectures/%.tex,%,$(filter-out %/preamble.tex,$(wildcard paper/lectures/*.tex)))
 
 # The same bytes on every run: one thread for linear algebra, fixed hashes, a fixed date in every PDF.
@@ -49,7 +50,7 @@ $(shell cmp -s paper/report.pdf .build/paper/report.pdf || rm -f .build/paper/re
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper lectures demo site bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
 
 all: .build/summary paper/report.pdf .build/demo
 	@cat $<
@@ -153,10 +154,16 @@ typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > 
 
 ### The site
 
-.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) README.md figures/film.gif environment.lock \
+.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) notebooks/lab.ipynb README.md figures/film.gif environment.lock \
   $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
 	$(VENV) -m homing_lib.publish.site
 	@cksum .build/site/* > $@
+
+
+### The lab: two archives
+
+.build/lab/lab-teacher.zip: .build/data $(LIBRARY) notebooks/lab.ipynb $(wildcard notebooks/lab/*) environment.lock
+	$(VENV) -m homing_lib.publish.handouts
 
 
 ### Names for the above
@@ -169,6 +176,7 @@ paper: paper/report.pdf
 lectures: $(LECTURES:%=.build/lectures/%.pdf) $(LECTURES:%=.build/lectures/%-notes.pdf)
 demo: .build/demo
 site: .build/pages
+lab: .build/lab/lab-teacher.zip
 
 test: .venv/.ready
 	$(VENV) -m ruff check

@@ -11,7 +11,7 @@ from homing_lib.errors import UserError
 from homing_lib.publish import notebooks
 from homing_lib.storage import ROOT
 
-SOURCES = sorted(notebooks.NOTEBOOKS.glob("*.ipynb"))
+SOURCES = sorted(notebooks.NOTEBOOKS.glob("[0-9]*.ipynb"))
 
 PARAMETERS = 'profile = "full"\nfigures_dir = None'
 DRAWS = """

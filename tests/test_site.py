@@ -14,7 +14,7 @@ from homing_lib.errors import UserError
 from homing_lib.publish import site
 from tests.browser import CHROMIUM, Browser
 
-NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("*.ipynb"))
+NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("[0-9]*.ipynb"))
 PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), "index.html", "claims.html", "errata.html", "model.html"])
 
 

@@ -214,7 +214,9 @@ def other_figures() -> list[tuple[str, str]]:
 
 def figures_written() -> dict[str, str]:
     """Each figure that a notebook saves, and the notebook."""
-    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("*.ipynb"))}
+    sources = {
+        path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
+    }
     saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
     return {name: notebook for notebook, source in sources.items() for name in saved.findall(source)}
 

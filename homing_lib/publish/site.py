@@ -43,7 +43,12 @@ DOORS = (
     ("errata.html", "Errata"),
     ("model.html", "Model"),
 )
-COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+COPIES = {
+    "demo.html": PAGE,
+    "report.pdf": ROOT / "paper" / "report.pdf",
+    "film.gif": ROOT / "figures" / "film.gif",
+    "lab.ipynb": NOTEBOOKS / "lab.ipynb",
+}
 HOMEWARDS = (b"<h1>The homing companion</h1>", b'<h1><a href="index.html">The homing companion</a></h1>')
 """The heading of the demonstration, and what it is in the site: the way back."""
 
@@ -56,7 +61,7 @@ def build() -> dict[str, bytes]:
     files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
     notebooks = {
         f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
-        for source in sorted(NOTEBOOKS.glob("*.ipynb"))
+        for source in sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
     }
     chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
     pages = {
@@ -98,7 +103,7 @@ class Renderer(IPythonRenderer):
         return mathml(body, display="inline")
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
-        return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
+        return super().link(text, re.sub(r"^(\d[\w-]*)\.ipynb", r"\1.html", url), title)
 
     def table(self, text: str) -> str:
         """On a phone, a table with sentences in its cells is read row by row: class `rows`."""

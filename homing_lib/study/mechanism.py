@@ -22,7 +22,7 @@ from homing_lib.settings import Settings
 from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best
 from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
-from homing_lib.study.statistics import Interval, side
+from homing_lib.study.statistics import Interval, iqm, side
 from homing_lib.study.studies import FRESH, study
 from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
 from homing_lib.study.walk import learning
@@ -347,6 +347,11 @@ def all_rows(
 ) -> Array:
     """The same of several rules, one below the other, so that the best of them is chosen."""
     return np.vstack([rows(of, rule, update, room, column=column) for rule in rules])
+
+
+def ranking(of: Any) -> list[str]:
+    """Rules by their late steps, interquartile means, each at its best step size; the fewest first. of: `MECHANISM`."""
+    return sorted(CORE, key=lambda rule: min(map(iqm, rows(of, rule))))
 
 
 def whether(*found: Comparison) -> Verdict:

@@ -22,6 +22,7 @@ from homing_lib.td import LinearTD
 EPISODES = 10
 STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 VALUES = np.arange(-9, 10) / 10
+_PHI = np.eye(20, 19)
 
 LOST = 1e6
 """In a race, an error that is greater counts as this one: the weights are lost."""
@@ -38,6 +39,14 @@ def walks(seed: int) -> list[list[int]]:
     return episodes
 
 
+def follow(learner: LinearTD, states: Sequence[int]) -> None:
+    """One episode of learning. states: one of `walks`."""
+    learner.begin_episode()
+    for state, then in pairwise(states):
+        ended = not 0 <= then < 19
+        learner.update(_PHI[state], float(np.sign(then - 9)) * ended, _PHI[then], terminal=ended)
+
+
 @silent
 def learning(rule: LambdaRule | str, seed: int, step_size: float) -> Array:
     """The error after each of ten episodes, shape (EPISODES,); infinite once the weights are not finite."""
@@ -45,13 +54,10 @@ def learning(rule: LambdaRule | str, seed: int, step_size: float) -> Array:
     learner = LinearTD(
         19, step_size=step_size, discount=1.0, lambda_rule=choice.rule, on_zero=choice.on_zero, clip=choice.clip
     )
-    features, errors = np.eye(20, 19), np.full(EPISODES, np.inf)
+    errors = np.full(EPISODES, np.inf)
     try:
         for number, states in enumerate(walks(seed)):
-            learner.begin_episode()
-            for state, then in pairwise(states):
-                ended = not 0 <= then < 19
-                learner.update(features[state], float(np.sign(then - 9)) * ended, features[then], terminal=ended)
+            follow(learner, states)
             errors[number] = np.sqrt(np.mean((learner.weights - VALUES) ** 2))
     except Diverged:
         pass
