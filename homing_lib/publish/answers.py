@@ -109,8 +109,8 @@ FOUND: dict[str, dict[Verdict, str]] = {
         "yes": "The reward matters: at zero, negated or constant, it changes the late steps.",
         "partly": "The reward matters in part: of zero, negated and constant ones, not all change the late steps.",
         "no": "The reward does not matter: at zero, negated or constant, it leaves the late steps comparable.",
-        "not shown": "The runs do not show whether the reward matters: at zero, negated or constant, it makes the late "
-        "steps neither more nor fewer, but not all are told to be comparable.",
+        "not shown": "The runs do not show whether the reward matters: of zero, negated and constant ones, none is "
+        "shown to change the late steps, nor are all shown to leave them comparable.",
     },
     "Q11": {
         "yes": "The initial value carries the learning: with it and without any reward the robot learns, and with the "
