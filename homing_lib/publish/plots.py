@@ -264,7 +264,7 @@ def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room | Seque
     for axes, plan, (title, (x, y, values)) in zip(grid, rooms, maps.items(), strict=True):
         shown = axes.scatter(x, y, c=values, s=95, marker="s", norm=scale, linewidth=0)
         drawing.draw_floor_plan(axes, plan)
-        axes.set_title(title)
+        axes.set(title=title, ylim=(plan.size[1] - max(depths) - 0.01, plan.size[1] + 0.01))
     figure.colorbar(shown, ax=grid, label=label)
     return figure
 
