@@ -116,6 +116,19 @@ CHOICE = study(
 )
 
 
+PROPERTIES = {
+    "home": "views that pass for home",
+    "spread": "spread of NRB",
+    "slope": "NRB by distance",
+    "same_sign": "same sign twice",
+    "positive": "positive errors",
+    "early": "early steps",
+    "at_wall": "steps at walls",
+    "area": "area (m²)",
+}
+"""What `properties` measures, in words."""
+
+
 def properties(settings: Settings, seed: int) -> Columns:
     """What a room and learning there are like, in one row.
 
@@ -148,18 +161,6 @@ def properties(settings: Settings, seed: int) -> Columns:
     }
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
-
-PROPERTIES = {
-    "home": "views that pass for home",
-    "spread": "spread of NRB",
-    "slope": "NRB by distance",
-    "same_sign": "same sign twice",
-    "positive": "positive errors",
-    "early": "early steps",
-    "at_wall": "steps at walls",
-    "area": "area (m²)",
-}
-"""What `properties` measures, in words."""
 
 WALK_STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 
