@@ -28,8 +28,6 @@ WELL_BELOW = 0.75
 
 VERIFIED = ROOT / ".build" / "verified"
 
-REPORT = ROOT / "paper" / "report.tex"
-
 
 class Headline:
     """What runs of the agent say, and runs of a uniformly random policy of the same seeds.
@@ -154,6 +152,9 @@ def latex() -> str:
     macros = numbers(stored_headline()) | {
         "lambdaAnswer": _tex(answers.varying_lambda()),
         "worthAnswer": _tex(answers.worth()),
+        "lambdaWords": _tex(answers.varying_lambda(numbers=False)),
+        "worthWords": _tex(answers.worth(numbers=False)),
+        "signElsewhere": _tex(answers.sign_elsewhere()),
         "verdicts": _tex(verdicts()),
         "verdictsCounted": _tex(counted()),
         "judgedRuns": f"{len(studies.FRESH)}",
@@ -163,13 +164,12 @@ def latex() -> str:
         "wayChosen": _tex(opponents.CHOSEN),
         "trialSteps": f"{TRIAL_STEPS}",
         **{f"answer{name}": _tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
-        **{f"effect{name}": _tex(claims.judge(question).effect) for name, question in _EFFECTS.items()},
         "ratioFixed": f"{answers.against_the_best_fixed().typical:.2f}",
         "ratioClimbUsual": f"{answers.against_the_climb(load_table(opponents.OPPONENTS), usual=True).typical:.2f}",
+        **{f"found{name}": _tex(answers.FOUND[of][claims.judge(of).verdict]) for name, of in _FOUND.items()},
         "tableOpponents": "\n".join(_row(*cells) for cells in answers.beside_the_headline()),
         "tableClaims": _verdicts_of("C"),
         "tableQuestions": _verdicts_of("Q"),
-        "otherFigures": "\n".join(f"\\panel{{{name}}}{{{notebook}}}" for name, notebook in other_figures()),
         "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
@@ -183,42 +183,32 @@ _ANSWERS = {
     "Size": "Q2",
     "Sign": "Q3",
     "Best": "Q4",
-    "Fast": "Q5",
     "Standard": "Q6",
     "Rooms": "Q7",
     "Decides": "Q8",
+    "Usual": "Q20",
+    "Everywhere": "Q21",
+    "Walk": "Q30",
+}
+"""The claims and questions whose verdicts the lectures cite, by the end of the macro's name."""
+
+_FOUND = {
+    "Fast": "Q5",
+    "Standard": "Q6",
+    "Rooms": "Q8",
     "Camera": "Q9",
     "Reward": "Q10",
     "Initial": "Q11",
     "Band": "Q12",
     "Home": "Q13",
     "Letter": "Q14",
-    "Usual": "Q20",
-    "Everywhere": "Q21",
     "Anywhere": "Q23",
     "Learning": "Q24",
     "Behind": "Q25",
+    "Walls": "Q26",
     "Walk": "Q30",
 }
-"""The claims and questions whose verdicts the texts cite, by the end of the macro's name."""
-
-_EFFECTS = {"Rooms": "Q8", "Letter": "Q14", "Anywhere": "Q23"}
-"""Those whose effect it cites."""
-
-
-def other_figures() -> list[tuple[str, str]]:
-    """Figures that notebooks write and the report's text does not show: name and notebook, in reading order."""
-    shown = set(re.findall(r"\\includegraphics\[[^]]*\]{([\w-]+)}", REPORT.read_text(encoding="utf-8")))
-    return [(name, notebook) for name, notebook in figures_written().items() if name not in shown]
-
-
-def figures_written() -> dict[str, str]:
-    """Each figure that a notebook saves, and the notebook."""
-    sources = {
-        path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
-    }
-    saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
-    return {name: notebook for notebook, source in sources.items() for name in saved.findall(source)}
+"""The questions of whose answers the text tells, by the end of the macro's name."""
 
 
 def _verdicts_of(kind: str) -> str:
@@ -342,8 +332,8 @@ def _row(setting: str, *cells: str) -> str:
 
 _SYMBOLS = ["alpha", "beta", "gamma", "delta", "epsilon", "theta", "lambda", "pi", "sigma", "tau", "phi", "psi"]
 _MATHS = re.compile(
-    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>\d %)"
-    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
+    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>[\d\]] ?%)"
+    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q|H)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
 )
 
 
@@ -375,7 +365,7 @@ def _as_maths(match: "re.Match[str]") -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"(?<![\w.)])-(?=[\d.])", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
+    return re.sub(r"(?<![\w.)])-(?=[\d.])|(?<= )-(?= )", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
 
 
 _SPECIAL = str.maketrans(

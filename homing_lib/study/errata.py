@@ -46,7 +46,7 @@ def effect(of: Erratum) -> str:
     """What the readings that were run do to the steps of the last episodes, in words; nothing if none was."""
     told = []
     for study, condition, against in of.seen:
-        ratio = claims.of_steps(load_table(study), condition, against, family=len(_SEEN))
+        ratio = claims.of_steps(load_table(study), condition, against, family=FAMILY)
         told.append(f"{condition.removeprefix(f'{of.name} ')}, {ratio:.2f}{knife_edge(*ratio)}: {ratio.word}")
     return f"Late steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
@@ -368,4 +368,5 @@ ERRATA = (
 )
 """E1 to E24 are the slips and gaps that a reader meets who rebuilds the model; those from E25 on were found since."""
 
-_SEEN = [seen for one in ERRATA for seen in one.seen]  # as many comparisons as these are one family
+FAMILY = sum(len(one.seen) for one in ERRATA)
+"""As many comparisons of readings with ours are one family."""

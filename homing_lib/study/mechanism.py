@@ -116,6 +116,19 @@ CHOICE = study(
 )
 
 
+PROPERTIES = {
+    "home": "views that pass for home",
+    "spread": "spread of NRB",
+    "slope": "NRB by distance",
+    "same_sign": "same sign twice",
+    "positive": "positive errors",
+    "early": "early steps",
+    "at_wall": "steps at walls",
+    "area": "area (m²)",
+}
+"""What `properties` measures, in words."""
+
+
 def properties(settings: Settings, seed: int) -> Columns:
     """What a room and learning there are like, in one row.
 
@@ -559,8 +572,8 @@ def what_decides(*tables: Any) -> Judged:
     values = ", ".join(f"{room} {value:.2f}" for room, value in zip(ROOMS, effect, strict=True))
     return (
         "yes" if found[best][1] < 0.05 else "not shown",
-        f"Of {len(names)} properties, `{best}` goes with the effect most (rank correlation {found[best][0]:+.2f}, "
-        f"p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
+        f"Of {len(names)} properties, {PROPERTIES[best]} goes with the effect most (rank correlation "
+        f"{found[best][0]:+.2f}, p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
     )
 
 
