@@ -153,8 +153,9 @@ def _against_best_fixed(of: Any, update: str, column: str, family: int) -> Compa
 @claim("C3", "learning converges within 20 episodes", studies.REFERENCES, studies.LONG)
 def within_twenty_episodes(references: Any, long: Any) -> Judged:
     """The last episodes of 20 take fewer steps than the first, and 180 more save less than a fifth of them."""
-    of_first = compare(late(references, "learnt"), early(references, "learnt"))
-    of_twenty = compare(episodes_of(long, "form 2")[:, -20:].mean(axis=1), late(references, "learnt"))
+    last = late(references, "learnt")
+    of_first = compare(last, early(references, "learnt"), family=2)
+    of_twenty = compare(episodes_of(long, "form 2")[:, -20:].mean(axis=1), last, family=2)
     done = min(found.low for found in of_twenty) > 0.8
     return (
         "not reproduced" if of_first.side != "below" else "reproduced" if done else "partly reproduced",

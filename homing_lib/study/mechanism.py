@@ -11,7 +11,7 @@ from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, spearmanr
+from scipy.stats import rankdata, spearmanr
 
 from homing_lib import lambdas
 from homing_lib.agent import Agent, Run, run
@@ -23,7 +23,7 @@ from homing_lib.settings import Settings
 from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best
 from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
-from homing_lib.study.statistics import Interval, side
+from homing_lib.study.statistics import iqm, pooled_at_best, side
 from homing_lib.study.studies import FRESH, study
 from homing_lib.td import LinearTD
 from homing_lib.thresholds import stopping_thresholds
@@ -255,6 +255,7 @@ def drawn(settings: Settings, seed: int) -> Columns:
 _FORM_2 = {"form 2": "fletcher-reeves"}
 _OTHERS = [room for room in ROOMS if room != "paper"]
 _RIVALS = CORE | {name: rule for name, rule in FURTHER.items() if name.startswith("fixed")}
+ALL_FIXED = tuple(label for label in _RIVALS if label.startswith("fixed"))
 
 MECHANISM = study(
     "mechanism",
@@ -422,10 +423,12 @@ def sign(of: Any) -> Judged:
     return whether(*found.values()), f"{_INTRO} rules without its sign, {told(found)}."
 
 
-def best_fixed(of: Any, update: str, column: str = "late") -> Comparison:
+def best_fixed(of: Any, update: str, column: str = "late", family: int = 1) -> Comparison:
     """Form 2 against the best of all fixed lambdas at all their step sizes, which are chosen as step sizes are."""
-    fixed = FIXED if update == "taken" else [rule for rule in _RIVALS if rule.startswith("fixed")]
-    return compare_at_best(rows(of, "form 2", update, column=column), all_rows(of, fixed, update, column=column))
+    fixed = FIXED if update == "taken" else ALL_FIXED
+    return compare_at_best(
+        rows(of, "form 2", update, column=column), all_rows(of, fixed, update, column=column), family
+    )
 
 
 @claim("Q4", "is form 2 better than the best fixed λ, once learnt?", MECHANISM)
@@ -442,9 +445,9 @@ def fast(of: Any) -> Judged:
     """
     ours = rows(of, "form 2", column="total")
     found = {
-        "the best fixed one": best_fixed(of, "taken", "total"),
-        "fixed 0": compare_at_best(ours, rows(of, "fixed 0", column="total"), 2),
-        "the gate": compare_at_best(ours, rows(of, "gate", column="total"), 2),
+        "the best fixed one": best_fixed(of, "taken", "total", 3),
+        "fixed 0": compare_at_best(ours, rows(of, "fixed 0", column="total"), 3),
+        "the gate": compare_at_best(ours, rows(of, "gate", column="total"), 3),
     }
     return (
         whether(found["the best fixed one"], found["fixed 0"]),
@@ -472,11 +475,12 @@ def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
     }
     verdicts = {name: tuple(whether(*one.values()) for one in pair) for name, pair in parts.items()}
     same = [name for name, (taken, every) in verdicts.items() if taken == every != "not shown"]
+    otherwise = any(len(set(pair)) == 2 and "no" in pair and "not shown" not in pair for pair in verdicts.values())
     words = "; ".join(
         f"{name}: {verdicts[name][0]}, then {verdicts[name][1]} ({told(parts[name][1])})" for name in parts
     )
     return (
-        "yes" if len(same) == len(parts) else "partly" if same else "no",
+        "yes" if len(same) == len(parts) else "partly" if same else "no" if otherwise else "not shown",
         f"Does it matter, with the weights of the taken action and then with all: {words}.",
     )
 
@@ -484,10 +488,10 @@ def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
 BEST_FIXED = "best fixed"
 
 
-def by_room(
+def late_by_room(
     rival: str, taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, update: str = "taken"
-) -> dict[str, Comparison]:
-    """Form 2's late steps as a multiple of a rival's, in each room. rival: a rule, a stand-in or BEST_FIXED."""
+) -> dict[str, tuple[Array, Array]]:
+    """Late steps of form 2 and of a rival, as `rows` gives them. rival: a rule, a stand-in or BEST_FIXED."""
     found = {}
     for room in ROOMS:
         of, stood_in = (taken, drawn) if room == "paper" else (rooms, rooms_drawn)
@@ -495,19 +499,13 @@ def by_room(
             theirs = all_rows(of, FIXED, update, room)
         else:
             theirs = rows(stood_in if rival in STAND_INS else of, rival, update, room)
-        found[room] = compare_at_best(rows(of, "form 2", update, room), theirs, len(ROOMS))
+        found[room] = rows(of, "form 2", update, room), theirs
     return found
 
 
-def pooled(found: Mapping[str, Comparison]) -> Interval:
-    """Geometric mean over the rooms of the ratios of interquartile means. Rooms are strata, independent of each other:
-    what their intervals, of a family of as many, say of their errors adds up as squares.
-    """
-    z = norm.ppf(1 - 0.025 / len(found))
-    logs = np.log([one.typical for one in found.values()])
-    centre = logs[:, 0].mean()
-    error = norm.ppf(0.975) * np.sqrt((((logs[:, 2] - logs[:, 1]) / (2 * z)) ** 2).sum()) / len(found)
-    return Interval(*np.exp([centre, centre - error, centre + error]))
+def by_room(*rival_and_tables: Any) -> dict[str, Comparison]:
+    """Form 2's late steps as a multiple of a rival's, in each room. What is given: as for `late_by_room`."""
+    return {room: compare_at_best(*late, len(ROOMS)) for room, late in late_by_room(*rival_and_tables).items()}
 
 
 IN_ROOMS = {
@@ -535,16 +533,18 @@ def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, dra
     def words(update: str, of: Any, drawn: Any) -> str:
         told = []
         for label, rival in IN_ROOMS.items():
-            found = by_room(rival, of, drawn, rooms, rooms_drawn, update)
-            each = [one.word for one in found.values()]
+            tables = rival, of, drawn, rooms, rooms_drawn, update
+            each = [one.word for one in by_room(*tables).values()]
             counts = ", ".join(f"{word} in {each.count(word)}" for word in _WORDS if word in each)
-            told.append(f"{label}: {counts} rooms, pooled {pooled(found):.2f}")
+            pooled = pooled_at_best(list(late_by_room(*tables).values()), np.random.default_rng(0), iqm)
+            told.append(f"{label}: {counts} rooms, pooled {pooled:.2f}")
         return "; ".join(told)
 
     found = by_room("i.i.d.", taken, drawn, rooms, rooms_drawn)
     return (
         whether(*found.values()),
-        f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}.",
+        f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}. "
+        f"(Pooled: geometric means, with intervals over robots, the {len(ROOMS)} rooms fixed.)",
     )
 
 
@@ -565,12 +565,11 @@ def what_decides(*tables: Any) -> Judged:
     effect = [one.typical.value for one in by_room("i.i.d.", *compared).values()]
     names = [name for name in measured if name not in ("condition", "seed")]
     mean = measured.groupby("condition", observed=True)[names].mean().loc[list(ROOMS)]
-    ranks = np.array([np.argsort(np.argsort(order)) for order in permutations(range(len(ROOMS)))])
+    orders = list(permutations(rankdata(effect)))  # the first is the one that is found
     found = {}
     for name in names:
-        rho = spearmanr(mean[name], effect).statistic
-        chance = np.abs([np.corrcoef(one, ranks[0])[0, 1] for one in ranks])
-        found[name] = rho, min(1.0, len(names) * (chance >= abs(rho) - 1e-9).mean())
+        rho, *_ = every = np.corrcoef([rankdata(mean[name]), *orders])[0, 1:]
+        found[name] = rho, min(1.0, len(names) * (abs(every) >= abs(rho) - 1e-9).mean())
     best = max(found, key=lambda name: abs(found[name][0]))
     values = ", ".join(f"{room} {value:.2f}" for room, value in zip(ROOMS, effect, strict=True))
     return (

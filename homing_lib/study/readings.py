@@ -199,9 +199,9 @@ def band_is_exploited(of: Any) -> Judged:
 
 
 def steps_in_band(of: Any, length: int, band: float, how: str) -> Array:
-    """Of a whole run. A step is added, so that a robot that was never there can be compared."""
+    """Of a whole run, one number per run."""
     label = f"{length} episodes, band {band:g}, {how}"
-    return 1 + column(of, label, "band") * column(of, label, "total")
+    return column(of, label, "band") * column(of, label, "total")
 
 
 @claim("Q13", "is a bootstrapped home a reward that the robot pays itself?", REWARD)
