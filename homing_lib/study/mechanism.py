@@ -256,6 +256,7 @@ _FORM_2 = {"form 2": "fletcher-reeves"}
 _OTHERS = [room for room in ROOMS if room != "paper"]
 _RIVALS = CORE | {name: rule for name, rule in FURTHER.items() if name.startswith("fixed")}
 ALL_FIXED = tuple(label for label in _RIVALS if label.startswith("fixed"))
+VALUES, ALL_VALUES = (", ".join(label.removeprefix("fixed ") for label in labels) for labels in (FIXED, ALL_FIXED))
 
 MECHANISM = study(
     "mechanism",
@@ -404,21 +405,25 @@ _INTRO = "Late steps of form 2 as a multiple of those of"
 
 @claim("Q1", "does it matter *when* λ is large?", MECHANISM, MECHANISM_DRAWN)
 def when(of: Any, drawn: Any) -> Judged:
-    """Yes: form 2 is better than lambdas drawn from its own, independently and as a Markov chain (`whether`)."""
+    """Form 2 is better than lambdas drawn from its own, independently and as a Markov chain (k = 2), each at the best
+    of the step sizes {STEP_SIZES}.
+    """
     found = timing(of, drawn)
     return whether(*found.values()), f"{_INTRO} lambdas drawn from its own, {told(found)}."
 
 
 @claim("Q2", "does the size of the conjugate ratio matter, beyond its sign?", MECHANISM)
 def size(of: Any) -> Judged:
-    """Yes: form 2 is better than a gate of the same sign, and than its ratio upside down (`whether`)."""
+    """Form 2 is better than a gate of the same sign, and than its ratio upside down (k = 2), each at its best step
+    size.
+    """
     found = against(of, SAME_SIGN)
     return whether(*found.values()), f"{_INTRO} rules with its sign alone, {told(found)}."
 
 
 @claim("Q3", "does its sign matter, beyond its size?", MECHANISM)
 def sign(of: Any) -> Judged:
-    """Yes: form 2 is better than the opposite gate, and than its absolute value (`whether`)."""
+    """Form 2 is better than the opposite gate, and than its absolute value (k = 2), each at its best step size."""
     found = against(of, SAME_SIZE)
     return whether(*found.values()), f"{_INTRO} rules without its sign, {told(found)}."
 
@@ -433,15 +438,16 @@ def best_fixed(of: Any, update: str, column: str = "late", family: int = 1) -> C
 
 @claim("Q4", "is form 2 better than the best fixed λ, once learnt?", MECHANISM)
 def than_the_best_fixed(of: Any) -> Judged:
-    """Yes: it takes fewer steps in the last episodes than the best fixed lambda, each at its best step size."""
+    """Form 2 takes fewer late steps than the best fixed λ of {VALUES}, each at its best step size."""
     found = best_fixed(of, "taken")
     return whether(found), f"{_INTRO} the best fixed one: {found:.2f}, {found.word}."
 
 
 @claim("Q5", "is it *fast*: does it take fewer steps over all twenty episodes?", MECHANISM)
 def fast(of: Any) -> Judged:
-    """Yes: than the best fixed lambda and than fixed 0, each at the step size with which all its episodes together take
-    the fewest steps (`whether`).
+    """Form 2 takes fewer than the best fixed λ of {VALUES} and than fixed 0, each at the step size, and the fixed one
+    at the λ, with which all its episodes together take the fewest. The gate stands beside them and is not judged (k =
+    3).
     """
     ours = rows(of, "form 2", column="total")
     found = {
@@ -464,8 +470,9 @@ def fast(of: Any) -> Judged:
     ALL_DRAWN,
 )
 def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
-    """Yes: timing, size, sign and best fixed lambda are judged as they are under the paper's update (Q1 to Q4), though
-    not as not shown; partly: one of them; no: none.
+    """Timing, size, sign and best fixed λ (of {ALL_VALUES}) are judged as under the paper's update (Q1 to Q4, as wide
+    as there). Yes: each has the same verdict under both, which is not "not shown"; partly: some have; no: none
+    has, and one is judged the other way, yes or partly under the one and no under the other; else not shown.
     """
     parts = {
         "timing": (timing(of, drawn), timing(of_all, drawn_all, "all")),
@@ -525,9 +532,10 @@ IN_ROOMS = {
     *(MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN, MECHANISM_ALL, ALL_DRAWN),
 )
 def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
-    """Yes: in all six form 2 is better than independent draws from its own lambdas; partly: in one or more; no: in
-    none, and comparable or worse in each; not shown: something else. Judged under the paper's update; what holds where
-    all weights learn stands beside it.
+    """Yes: in all six form 2 is better than independent draws from its own lambdas, those of the same room and update;
+    partly: in one or more; no: in none, and comparable or worse in each; not shown: something else (k = 6). Judged
+    under the paper's update. Beside it stand other rivals (the best fixed λ of {VALUES}), and what holds where all
+    weights learn. Pooled are the ratios of IQMs, by their geometric mean, over robots, the six rooms fixed.
     """
 
     def words(update: str, of: Any, drawn: Any) -> str:
@@ -544,7 +552,7 @@ def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, dra
     return (
         whether(*found.values()),
         f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}. "
-        f"(Pooled: geometric means, with intervals over robots, the {len(ROOMS)} rooms fixed.)",
+        "(Pooled: over robots, the six rooms fixed.)",
     )
 
 
@@ -558,8 +566,8 @@ _WORDS = "better", "comparable", "worse", "open"
 )
 def what_decides(*tables: Any) -> Judged:
     """Yes: the rank correlation over the rooms of a measured property with form 2's ratio to independent draws is too
-    large for chance, by the exact permutation test, all properties counted as one family. With six rooms only a perfect
-    order can be, so this explores; short of it the answer is not shown.
+    large for chance, by the exact permutation test, ties included and all properties counted as one family. With six
+    rooms only a perfect order can be, so this explores; short of it the answer is not shown.
     """
     *compared, measured = tables
     effect = [one.typical.value for one in by_room("i.i.d.", *compared).values()]
@@ -583,7 +591,7 @@ def what_decides(*tables: Any) -> Judged:
 def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
     """Form 2 against independent draws, the gate and the opposite gate: of what the atlas decides for the typical robot
     (the interval of the interquartile means leaves out 1) the camera decides the same, yes: all; partly: some; no: one
-    the other way; not shown: none, or there is none. With the camera at the default step size.
+    the other way; not shown: none, or there is none (k = 3). With the camera at the default step size.
     """
     late = {name: of[of.condition == name].sort_values("seed").late.to_numpy(float) for name in CAMERA.conditions}
     late["independent draws"] = drawn.sort_values("seed").late.to_numpy(float)
@@ -604,8 +612,8 @@ def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
 
 @claim("Q30", "is form 2 better than the best fixed λ where λ is known to matter, on the 19-state walk?", WALK)
 def on_the_walk(of: Any) -> Judged:
-    """Yes: its error is less than that of the best fixed lambda, each at its best step size (means and interquartile
-    means); no: comparable or worse.
+    """Its error, the root mean square over the states in the first ten episodes, is less than that of the best fixed λ,
+    each at its best step size.
     """
 
     def errors(rule: str) -> Array:

@@ -114,19 +114,17 @@ def ratio_at_best(
     chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100 studies of 50
     runs; if the chosen rows were resampled by the runs that chose them, in 75.
     """
-    found = _at_best(ours, theirs, rng, statistic, chosen_by)
+    found = _at_best(ours, theirs, rng, statistic, RESAMPLES, chosen_by)
     return Interval(float(found[0]), *np.percentile(found[1:], (2.5 / family, 100 - 2.5 / family)))
 
 
 def pooled_at_best(
     pairs: Sequence[tuple[ArrayLike, ArrayLike]], rng: np.random.Generator, statistic: Callable[..., Any] = np.mean
 ) -> Interval:
-    """Geometric mean of such ratios of several pairs, a room each for instance.
-
-    Runs are drawn anew within each pair, independently of the others; the pairs stay as they are, so that the interval
-    tells of other runs in these very rooms, and not of other rooms.
+    """Geometric mean of such ratios of several pairs, a room each for instance; runs are resampled, rooms are not: the
+    interval tells of other runs in the same rooms, not of other rooms.
     """
-    logs = np.mean([np.log(_at_best(*pair, rng, statistic)) for pair in pairs], axis=0)
+    logs = np.mean([np.log(_at_best(*pair, rng, statistic, FEWER_RESAMPLES)) for pair in pairs], axis=0)
     return Interval(*np.exp([logs[0], *np.percentile(logs[1:], (2.5, 97.5))]))
 
 
@@ -135,6 +133,7 @@ def _at_best(
     theirs: ArrayLike,
     rng: np.random.Generator,
     statistic: Callable[..., Any],
+    resamples: int,
     chosen_by: Sequence[ArrayLike] = (),
 ) -> Array:
     """The ratio that is found, and then that of each replicate."""
@@ -149,7 +148,7 @@ def _at_best(
         )
         return np.asarray(our / their)
 
-    again = [half[rng.integers(len(half), size=(RESAMPLES, len(half)))] for half in (runs[::2], runs[1::2])]
+    again = [half[rng.integers(len(half), size=(resamples, len(half)))] for half in (runs[::2], runs[1::2])]
     return np.r_[quotient([runs[None, ::2], runs[None, 1::2]]), quotient(again)]
 
 
