@@ -236,7 +236,7 @@ def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():
     measured = measured.assign(home=(room * 5) % 7, slope=-(room**2))
     verdict, effect = mechanism.what_decides(*tables, measured)
     assert verdict == "yes"
-    assert "`slope` goes with the effect most (rank correlation +1.00" in effect
+    assert "NRB by distance goes with the effect most (rank correlation +1.00" in effect
     assert mechanism.what_decides(*tables, measured.drop(columns="slope"))[0] == "not shown"
     # Among six, three that are alike may stand in 6 orders, upwards and downwards; four in 24.
     for alike, verdict, p in ((3, "yes", 12 / 720), (4, "not shown", 48 / 720)):

@@ -7,13 +7,12 @@ its size and not its sign. Each has the best of three step sizes (`claims.compar
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from itertools import pairwise, permutations
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 from scipy.stats import rankdata, spearmanr
 
-from homing_lib import lambdas
 from homing_lib.agent import Agent, Run, run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array, similarity
@@ -25,7 +24,8 @@ from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
 from homing_lib.study.statistics import iqm, pooled_at_best, side
 from homing_lib.study.studies import FRESH, study
-from homing_lib.td import LinearTD
+from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
+from homing_lib.study.walk import learning
 from homing_lib.thresholds import stopping_thresholds
 
 _PAPER = Settings(images="atlas")
@@ -116,6 +116,19 @@ CHOICE = study(
 )
 
 
+PROPERTIES = {
+    "home": "views that pass for home",
+    "spread": "spread of NRB",
+    "slope": "NRB by distance",
+    "same_sign": "same sign twice",
+    "positive": "positive errors",
+    "early": "early steps",
+    "at_wall": "steps at walls",
+    "area": "area (m²)",
+}
+"""What `properties` measures, in words."""
+
+
 def properties(settings: Settings, seed: int) -> Columns:
     """What a room and learning there are like, in one row.
 
@@ -149,33 +162,12 @@ def properties(settings: Settings, seed: int) -> Columns:
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
-WALK_STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-
-
 def walk(settings: Settings, seed: int) -> Columns:
-    """The 19-state random walk (Sutton & Barto 2018, example 7.1) instead of the robot: of the settings, lambda counts.
+    """The 19-state random walk of the textbooks instead of the robot: of the settings, lambda counts.
 
     One row per step size, `alpha`: `error`, the root mean square over the states, mean of the first ten episodes.
     """
-    rng, truth, features = np.random.default_rng(seed), np.arange(-9, 10) / 10, np.eye(20, 19)
-    walks = []
-    for _ in range(10):
-        states = [9]
-        while 0 <= states[-1] < 19:
-            states.append(states[-1] + int(rng.choice((-1, 1))))
-        walks.append(states)
-    errors = []
-    for alpha in WALK_STEP_SIZES:
-        rule = lambdas.parse(settings.lambda_rule).rule
-        learner = LinearTD(19, step_size=alpha, discount=1.0, lambda_rule=rule)
-        after = []
-        for states in walks:
-            learner.begin_episode()
-            for state, then in pairwise(states):
-                ended = not 0 <= then < 19
-                learner.update(features[state], float(np.sign(then - 9)) * ended, features[then], terminal=ended)
-            after.append(np.sqrt(np.mean((learner.weights - truth) ** 2)))
-        errors.append(np.mean(after))
+    errors = [learning(settings.lambda_rule, seed, alpha).mean() for alpha in WALK_STEP_SIZES]
     return {"alpha": np.array(WALK_STEP_SIZES), "error": np.array(errors)}
 
 
@@ -370,6 +362,11 @@ def all_rows(
 ) -> Array:
     """The same of several rules, one below the other, so that the best of them is chosen."""
     return np.vstack([rows(of, rule, update, room, column=column) for rule in rules])
+
+
+def ranking(of: Any) -> list[str]:
+    """Rules by their late steps, interquartile means, each at its best step size; the fewest first. of: `MECHANISM`."""
+    return sorted(CORE, key=lambda rule: min(map(iqm, rows(of, rule))))
 
 
 def whether(*found: Comparison) -> Verdict:
@@ -582,8 +579,8 @@ def what_decides(*tables: Any) -> Judged:
     values = ", ".join(f"{room} {value:.2f}" for room, value in zip(ROOMS, effect, strict=True))
     return (
         "yes" if found[best][1] < 0.05 else "not shown",
-        f"Of {len(names)} properties, `{best}` goes with the effect most (rank correlation {found[best][0]:+.2f}, "
-        f"p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
+        f"Of {len(names)} properties, {PROPERTIES[best]} goes with the effect most (rank correlation "
+        f"{found[best][0]:+.2f}, p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
     )
 
 
