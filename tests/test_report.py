@@ -156,7 +156,9 @@ def test_the_verdicts_name_every_judged_claim_once():
 
 def test_claims_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copied():
     told, slips = report.judged(), report.misprints()
-    assert len(told.split("\n\n")) == len(claims.names())
+    how, *each = told.split("\n\n")
+    assert how.startswith("How it is judged. ")
+    assert [re.match(r"\w+ (\w+), .*\nPredicate: ", one, re.S)[1] for one in each] == claims.names()
     assert len(slips.split("\n\n")) == len(errata.ERRATA)
     assert "*" not in told + slips
     for proof in (proof for one in errata.ERRATA for proof in one.proofs if proof.startswith("tests/")):

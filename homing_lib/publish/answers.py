@@ -93,7 +93,10 @@ FOUND: dict[str, dict[Verdict, str]] = {
     "Q6": {
         "yes": "All of this is confirmed where the weights of all actions are updated, as is standard.",
         "partly": "Some of this is confirmed where the weights of all actions are updated, as is standard.",
-        "no": "Nothing of this is confirmed where the weights of all actions are updated, as is standard.",
+        "no": "Nothing of this is confirmed where the weights of all actions are updated, as is standard, and some of "
+        "it is contradicted.",
+        "not shown": "Nothing of this is confirmed where the weights of all actions are updated, as is standard, nor "
+        "is anything contradicted.",
     },
     "Q8": {
         "yes": "One of the measured properties of the rooms orders them as the effect does.",

@@ -115,8 +115,8 @@ def summary() -> str:
 
 
 def judged() -> str:
-    """Every claim and question with its verdict and effect, a paragraph each, as plain text."""
-    return _paragraphs(claims.judge(name) for name in claims.names())
+    """How it is judged, then every claim and question: verdict, effect and predicate, as plain text."""
+    return _paragraphs([claims.HOW, *map(claims.judge, claims.names())])
 
 
 def misprints() -> str:
@@ -126,8 +126,11 @@ def misprints() -> str:
 
 def _paragraphs(of: Iterable[object]) -> str:
     """Markdown as plain text of a terminal's width; names of tests are not broken."""
-    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "")) for one in of)
-    return "\n\n".join(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) for text in plain)
+    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "").replace("\n\n> ", "\0")) for one in of)
+    return "\n\n".join(
+        "\n".join(textwrap.fill(part, 100, break_long_words=False, break_on_hyphens=False) for part in text.split("\0"))
+        for text in plain
+    )
 
 
 def verdicts() -> str:
