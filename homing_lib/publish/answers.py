@@ -52,10 +52,13 @@ def sign_elsewhere() -> str:
 def worth(*, numbers: bool = True) -> str:
     """Is the robot that has learnt ahead of a climb up the similarity, and from which episode on? Q20-Q22."""
     of, all_episodes = load_table(opponents.OPPONENTS), load_table(opponents.WORTH)
-    usual, anywhere = (against_the_climb(of, usual=usual).typical for usual in (True, False))
+    usual, anywhere = (against_the_climb(of, usual=usual) for usual in (True, False))
     ours, theirs = (episodes_of(all_episodes, f"{_PAPER}, {who}, room") for who in ("sarsa", "climb"))
     since, last = opponents.paid_back(ours, theirs).value, ours.shape[1]
-    steps = f" (in the paper's room {usual:.2f} and {anywhere:.2f} of its steps)"
+    steps = (
+        f" (in the paper's room {usual.typical:.2f} of its steps, {usual.word}, and {anywhere.typical:.2f}, "
+        f"{anywhere.word})"
+    )
     ahead = f"ahead from episode {since:.0f}" if since <= last else f"not ahead by episode {last}"
     when = f" ({ahead} in the paper's room)"
     return (
