@@ -148,13 +148,7 @@ function ownRule(text) {
   function product() {
     let left = signed();
     for (let sign; (sign = take("*", "/", "%", "·")); ) {
-      const right = signed();
-      if (sign === "·" && left.vector && right.vector) {
-        const [x, y] = [VECTORS[left.vector], VECTORS[right.vector]];
-        left = { value: (s) => dot(s[x], s[y]) };
-        continue;
-      }
-      const [a, b] = [scalar(left, sign), scalar(right, sign)];
+      const [a, b] = [scalar(left, sign), scalar(signed(), sign)];
       const modulo = (x, y) => x - y * Math.floor(x / y);
       const apply = { "*": (x, y) => x * y, "·": (x, y) => x * y, "/": (x, y) => defined(x / y), "%": (x, y) => defined(modulo(x, y)) }[sign];
       left = { value: (s) => apply(a(s), b(s)) };
@@ -170,10 +164,20 @@ function ownRule(text) {
   }
 
   function power() {
-    const base = atom();
+    const base = inner();
     if (!take("**")) return base;
     const [a, b] = [scalar(base, "**"), scalar(signed(), "**")];
     return { value: (s) => defined(a(s) ** b(s)) };
+  }
+
+  // Of two vectors: it binds as tightly as a name.
+  function inner() {
+    const left = atom();
+    if (!left.vector || !take("·")) return left;
+    const right = atom();
+    if (!right.vector) throw new RuleError(`${left.vector}· takes another vector: phi, phi_prev or trace_prev.`);
+    const [a, b] = [VECTORS[left.vector], VECTORS[right.vector]];
+    return { value: (s) => dot(s[a], s[b]) };
   }
 
   function atom() {

@@ -190,7 +190,7 @@ function setUpControls() {
   });
   let typing = 0;
   at("own").addEventListener("input", () => {
-    state.own = at("own").value;
+    state.own = at("own").value.replace(/\s+/g, " ");
     clearTimeout(typing);
     typing = setTimeout(() => changed("own"), 350);
   });
@@ -250,7 +250,7 @@ function setUpControls() {
   press("save-data", () => saveTable(`${fileName()}.csv`, ...view().table()));
   press("theme", () => paintTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
   addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input:not([type=range], [type=checkbox], [type=radio]), select")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select")) return;
     const keys = {
       " ": () => player.toggle(),
       "s": paused(() => view().step()),

@@ -577,16 +577,16 @@ function curveTitle(lengths, episodes, { climb, shortest }) {
   if (state.seeds) {
     const said = known.map(({ text, name, rows }) => {
       const { value, low, high } = robotView.typical(text, rows);
-      return `${name} ${short(value)}${rows.length > 2 ? ` [${short(low)}, ${short(high)}]` : ""}`;
+      return `${short(value)}${rows.length > 2 ? ` [${short(low)}, ${short(high)}]` : ""} with ${name}`;
     });
     const many = Math.min(...compared().map(({ text }) => robotView.rows(text).length)), seeds = `seeds ${state.seed} to ${state.seed + state.seeds - 1}`;
     if (!said.length) return `${last}, ${seeds}: being worked out …`;
-    return `${last}, ${seeds}${many < state.seeds ? ` (${many} of ${state.seeds} so far)` : ""}: ${said.join(", ")}. Lines: interquartile means, bands and [ ]: their 95 % intervals${lengths.length ? `; dots: this run, seed ${state.seed}` : ""}`;
+    return `${last}, ${seeds}${many < state.seeds ? ` (${many} of ${state.seeds} so far)` : ""}: ${said.join(", ")}`;
   }
   if (!lengths.length && !known.length) return "The learning curve, beside a climb up the similarity, chance and the shortest way";
   const only = `Seed ${state.seed} only`;
   if (lengths.length < episodes) return `${only}: ${count(lengths.length, "episode")} so far${lengths.length ? `, ${short(mean(lengths))} steps on average` : ""}`;
-  if (known.length > 1) return `${only}: ${last.toLowerCase()}: ${known.map(({ name, rows }) => `${name} ${short(late(rows[0]))}`).join(", ")}. “${TEN} seeds” tells luck from rule`;
+  if (known.length > 1) return `${only}: ${last.toLowerCase()}: ${known.map(({ name, rows }) => `${short(late(rows[0]))} with ${name}`).join(", ")}. “${TEN} seeds” tells luck from rule`;
   return `${only}: the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps, the last ${LATE} ${short(late(lengths))}${beside}`;
 }
 

@@ -130,7 +130,7 @@ function keep(text) {
 }
 
 // All of them, the chosen one last, and with it what draws each, in the order in which they came.
-const PAINTS = [["blue", []], ["orange", [7, 3]], ["green", [2, 2]], ["pink", [9, 3, 2, 3]]];
+const PAINTS = [["blue", []], ["orange", [7, 3]], ["green", [3, 3]], ["pink", [9, 3, 2, 3]]];
 const compared = () => [...kept(), chosen()].map((text, i) => ({ text, name: nameOf(text), paint: PAINTS[i][0], dash: PAINTS[i][1] }));
 
 function nameOf(text) {

@@ -248,7 +248,7 @@ function traceTitle(steps, chosen, forward) {
   const lambdas = steps.slice(1), reset = lambdas.filter((step) => step.clipped).length;
   const so = lambdas.length ? ` λ: ${short(sum(lambdas.map((step) => step.lambda)) / lambdas.length, 2)} on average, reset at ${reset} of ${count(lambdas.length, "step")}` : "";
   if (!forward) {
-    const { trace } = steps[chosen], looked = state.row < 0 ? "" : `, state ${state.row} by ${short(trace[state.row])} of it`;
+    const { trace } = steps[chosen], looked = state.row < 0 ? "" : `; the trace of state ${state.row} is ${short(trace[state.row])}`;
     return `The error of step ${chosen + 1} changes ${count(trace.filter((value) => value > 0.01).length, "state")}${looked}.${so}`;
   }
   const weights = steps.map((_, k) => (k < chosen ? 0 : reach(steps, chosen, k))).filter((weight) => weight > 0.01);
@@ -273,8 +273,8 @@ function paintRules(ctx, box, high, ends, of) {
 
 const names = () => [...compared().map((one) => one.name), "λ = 0.9"];
 
-// "gate 0.154, form 2 0.21": the chosen rule first.
-const listed = (of) => compared().reverse().map(({ text, name }) => `${name} ${of(text)}`).join(", ");
+// "0.154 with gate, 0.159 with form 2": the chosen rule first.
+const listed = (of) => compared().reverse().map(({ text, name }) => `${of(text)} with ${name}`).join(", ");
 
 function clipped(ctx, { left, right, top, bottom }, paint) {
   ctx.save();
@@ -300,7 +300,7 @@ function paintErrors(ctx, width, height) {
   const last = (text) => walkView.means(text)[WALKS] ?? NaN;
   const best = FIXED.reduce((a, b) => (last(b) < last(a) ? b : a));
   const told = (text) => (last(text) === Infinity ? "diverges" : Number.isNaN(last(text)) ? "…" : short(last(text)));
-  title("w-error", `${at}, error after ${WALKS} walks (mean of ${count(length, "seed")}): ${listed(told)}; the best fixed λ, ${best.slice(6)}, ${told(best)}. Dots: this run`);
+  title("w-error", `${at}, error after ${WALKS} walks (mean of ${count(length, "seed")}): ${listed(told)}; ${told(best)} with the best fixed λ, ${best.slice(6)}`);
 }
 
 function paintBest(ctx, width, height) {
@@ -316,7 +316,7 @@ function paintBest(ctx, width, height) {
   const whole = (text) => walkView.runs(text, sizes.at(-1), FIRST).length === SEEDS;
   const told = (text) => (whole(text) ? short(least(text), 2) : "…");
   const best = FIXED.reduce((a, b) => (least(b) < least(a) ? b : a));
-  title("w-best", `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${listed(told)}; the best fixed λ, ${best.slice(6)}, ${told(best)}`);
+  title("w-best", `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${listed(told)}; ${told(best)} with the best fixed λ, ${best.slice(6)}`);
 }
 
 function setUpWalk() {
