@@ -314,7 +314,8 @@ def test_what_is_wrong_with_a_rule_is_said_in_a_sentence(engine, text, said):
 
 def test_a_rule_that_always_divides_by_zero_is_told_from_one_that_may(engine):
     told = engine(
-        """["1 / 0", "log(-1)", "delta / delta_prev", "1 / (delta + delta_prev)"].map((text) => neverDefined(ownRule(text)))"""
+        """["1 / 0", "log(-1)", "delta / delta_prev", "1 / (delta + delta_prev)"]
+        .map((text) => neverDefined(ownRule(text)))"""
     )
     assert told == [True, True, False, False]
 

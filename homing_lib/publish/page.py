@@ -34,8 +34,8 @@ SHOWN = {"walk": ("C1", "Q30"), "robot": ("C3", "C8", "C9", "Q3", "Q5", "Q20")}
 """The claims and questions that a view is about."""
 
 READING = (
-    "Square brackets hold 95 % intervals. Ratios are of interquartile means and, in round brackets, of means; rules are "
-    "compared each at its best step size. Late steps: those of the last five episodes."
+    "Square brackets hold 95 % intervals. Ratios are of interquartile means and, in round brackets, of means; rules "
+    "are compared each at its best step size. Late steps: those of the last five episodes."
 )
 """How the verdicts are read."""
 
