@@ -284,6 +284,11 @@ def test_every_control_has_a_name_and_every_text_a_contrast(browser, view, theme
     assert unnamed == []
     faint = browser(
         """(() => {
+          for (const name of ["blue", "orange", "green", "pink", "soft"]) { // labels of curves, as on a canvas
+            const style = `color: var(--${name}-text)`;
+            const label = Object.assign(document.createElement("i"), { textContent: name, style });
+            document.querySelector(`#${state.view} figure`).append(label);
+          }
           const light = (rgb) => {
             const linear = (c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
             const [r, g, b] = rgb.match(/[\\d.]+/g).map((c) => linear(c / 255));

@@ -77,7 +77,7 @@ const robotView = {
   // Where the training is over: one more episode with what was learnt.
   goOn() {
     const { experiment } = this;
-    if (!experiment.done || experiment.diverged) return;
+    if (!experiment.done || experiment.diverged || state.more >= RANGES.more[1]) return;
     experiment.total++;
     state.more++;
   },

@@ -44,7 +44,7 @@ const ALLOWED = {
 
 const RANGES = {
   lambda: [0, 1], guard: [0, 1], reset: [0, 1], seed: [0, 2 ** 32 - 1], alpha: [0.001, 1], at: [0, 1e5], pick: [-1, 1e5],
-  row: [-1, 18], alpha0: [1e-5, 1], multiplier: [1.5, 40], epsilon: [0, 1], made: [0, 5e4], more: [0, 1000], seeds: [0, 100],
+  row: [-1, 18], alpha0: [1e-5, 1], multiplier: [1.5, 40], epsilon: [0, 1], made: [0, 3e5], more: [0, 100], seeds: [0, 100],
 };
 
 const WHOLE = ["reset", "seed", "at", "pick", "row", "made", "more", "seeds"];

@@ -171,7 +171,7 @@ function paintChain(ctx, width, height) {
   const trace = t < 0 ? null : steps[t].trace;
   ctx.lineWidth = 1.2 * u;
   for (let s = 0; s < STATES; s++) {
-    disc(ctx, box.x(s), y, radius, trace && trace[s] > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
+    disc(ctx, box.x(s), y, radius, trace && Math.abs(trace[s]) > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
   }
   const at = t < 0 ? (STATES - 1) / 2 : steps[t].after;
   ctx.lineWidth = 2.5 * u;
@@ -201,7 +201,7 @@ function paintTrace(ctx, width, height) {
       }
     } else {
       steps[k].trace.forEach((value, s) => {
-        if (value < 1e-3) return;
+        if (Math.abs(value) < 1e-3) return;
         ctx.fillStyle = traceColour(value);
         ctx.fillRect(x(k) - cell / 2, y(s), cell + 0.5, tall + 0.5);
         if (value > MOST && cell > 7) disc(ctx, x(k), y(s) + tall / 2, 1.6 * u, "#222222");
@@ -225,9 +225,9 @@ function paintTrace(ctx, width, height) {
   title("w-trace", traceTitle(steps, chosen, forward));
 }
 
-// The same colour for the same trace, whatever the rule: up to 1, and one more colour above it.
+// The same colour for the same trace, whatever the rule: up to 1, and one more above it, and below 0.
 const MOST = 1 + 1e-9;
-const traceColour = (value) => (value > MOST ? "#D55E00" : cividis(value));
+const traceColour = (value) => (value > MOST ? "#D55E00" : value < 0 ? "#CC79A7" : cividis(value));
 
 function paintScale(ctx, left, top, u) {
   const wide = 90 * u, tall = 9 * u, small = { size: 11, fill: colour("soft"), base: "middle" };
@@ -241,6 +241,10 @@ function paintScale(ctx, left, top, u) {
   ctx.fillRect(left + wide + 36 * u, top, 2 * tall, tall);
   disc(ctx, left + wide + 36 * u + tall, top + tall / 2, 1.6 * u, "#222222");
   text(ctx, "above 1", left + wide + 59 * u, top + tall / 2, small);
+  if (state.reset) return;
+  ctx.fillStyle = traceColour(-1);
+  ctx.fillRect(left + wide + 118 * u, top, 2 * tall, tall);
+  text(ctx, "below 0", left + wide + 141 * u, top + tall / 2, small);
 }
 
 function traceTitle(steps, chosen, forward) {
@@ -249,7 +253,7 @@ function traceTitle(steps, chosen, forward) {
   const so = lambdas.length ? ` λ: ${short(sum(lambdas.map((step) => step.lambda)) / lambdas.length, 2)} on average, reset at ${reset} of ${count(lambdas.length, "step")}` : "";
   if (!forward) {
     const { trace } = steps[chosen], looked = state.row < 0 ? "" : `; the trace of state ${state.row} is ${short(trace[state.row])}`;
-    return `The error of step ${chosen + 1} changes ${count(trace.filter((value) => value > 0.01).length, "state")}${looked}.${so}`;
+    return `The error of step ${chosen + 1} changes ${count(trace.filter((value) => Math.abs(value) > 0.01).length, "state")}${looked}.${so}`;
   }
   const weights = steps.map((_, k) => (k < chosen ? 0 : reach(steps, chosen, k))).filter((weight) => weight > 0.01);
   return `What is learnt of step ${chosen + 1} is made of the errors of ${count(weights.length, "step")}, their weights ${short(sum(weights), 3)} in all.${so}`;
@@ -310,11 +314,10 @@ function paintBest(ctx, width, height) {
     if (sizes.at(-1) >= state.alpha) curve(ctx, [[box.x(state.alpha), box.top], [box.x(state.alpha), box.bottom]], colour("line"), 3);
     paintRules(ctx, box, 0.65, ends, (text) => walkView.sweep(text).map(({ alpha, error }) => [alpha, error]));
   });
-  if (!ends.length) return title("w-best", "Each rule at each step size: being worked out …");
-  labelEnds(ctx, ends, right + 8 * u, 30 * u, height - 42 * u);
+  if (ends.length) labelEnds(ctx, ends, right + 8 * u, 30 * u, height - 42 * u);
+  if (walkView.runs(chosen(), sizes.at(-1), FIRST).length < SEEDS) return title("w-best", "Each rule at its best step size: being worked out …");
   const least = (text) => Math.min(...walkView.sweep(text).map(({ error }) => error));
-  const whole = (text) => walkView.runs(text, sizes.at(-1), FIRST).length === SEEDS;
-  const told = (text) => (whole(text) ? short(least(text), 2) : "…");
+  const told = (text) => short(least(text), 2);
   const best = FIXED.reduce((a, b) => (least(b) < least(a) ? b : a));
   title("w-best", `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${listed(told)}; ${told(best)} with the best fixed λ, ${best.slice(6)}`);
 }
