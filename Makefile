@@ -7,8 +7,10 @@
 #   make notebooks   execute the notebooks; they write figures/ and notebooks/executed/
 #   make quick       the same in some minutes and into .build/quick, for trying changes out
 #   make paper       the report
+#   make lectures    two lectures on slides and their notes, .build/lectures/*.pdf
 #   make demo        the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
 #   make site        all of it as pages to read from disk: open .build/site/index.html
+#   make lab         the lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions
 #   make bench       what learning reaches and costs, in one table
 #   make class       open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 #   make compact     write the atlas that comes along, homing_lib/compact.atlas, anew
@@ -22,7 +24,8 @@ VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
 LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py)
-NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
+NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/[0-9]*.ipynb))
+LECTURES  := $(patsubst paper/lectures/%.tex,%,$(filter-out %/preamble.tex,$(wildcard paper/lectures/*.tex)))
 
 # The same bytes on every run: one thread for linear algebra, fixed hashes, a fixed date in every PDF.
 export OPENBLAS_NUM_THREADS := 1
@@ -47,7 +50,7 @@ $(shell cmp -s paper/report.pdf .build/paper/report.pdf || rm -f .build/paper/re
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper demo site bench class compact lock clean help FORCE
+.PHONY: all test data verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
 
 all: .build/summary paper/report.pdf .build/demo
 	@cat $<
@@ -122,11 +125,24 @@ class: .build/class/.ready
 .build/paper/report.pdf: paper/report.tex .build/numbers $(NOTEBOOKS:%=.build/notebooks/%)
 	@paper/install-tex.sh
 	@mkdir -p $(@D)
-	latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error -outdir=../$(@D) $< > $@.log || \
-	  { grep -A 5 '^!' $(@:.pdf=.log) || tail $@.log; exit 1; } >&2
+	$(call typeset,$(@:.pdf=),-outdir=../$(@D))
 
 paper/report.pdf: .build/paper/report.pdf
 	@cp $< $@
+
+# $(1): the PDF without its ending; $(2): further options. If it fails, what LaTeX says of it.
+typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > $(1).pdf.log 2>&1 || \
+	  { grep -A 5 '^!' $(1).log || tail $(1).pdf.log; exit 1; } >&2
+
+
+### Two lectures: slides, and as a second PDF each slide with three lines for whom gives it
+
+.build/lectures/%.pdf .build/lectures/%-notes.pdf: paper/lectures/%.tex paper/lectures/preamble.tex .build/numbers \
+  $(NOTEBOOKS:%=.build/notebooks/%)
+	@paper/install-tex.sh lectures
+	@mkdir -p $(@D)
+	$(call typeset,$(@D)/$*,-outdir=../../$(@D))
+	$(call typeset,$(@D)/$*-notes,-outdir=../../$(@D) -jobname=$*-notes -usepretex='\def\withnotes{}')
 
 
 ### The demonstration
@@ -138,10 +154,16 @@ paper/report.pdf: .build/paper/report.pdf
 
 ### The site
 
-.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) README.md figures/film.gif environment.lock \
+.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) notebooks/lab.ipynb README.md figures/film.gif environment.lock \
   $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
 	$(VENV) -m homing_lib.publish.site
 	@cksum .build/site/* > $@
+
+
+### The lab: two archives
+
+.build/lab/lab-teacher.zip: .build/data $(LIBRARY) notebooks/lab.ipynb $(wildcard notebooks/lab/*) environment.lock
+	$(VENV) -m homing_lib.publish.handouts
 
 
 ### Names for the above
@@ -151,8 +173,10 @@ verify: .build/verified
 notebooks: $(NOTEBOOKS:%=.build/notebooks/%)
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb)
 paper: paper/report.pdf
+lectures: $(LECTURES:%=.build/lectures/%.pdf) $(LECTURES:%=.build/lectures/%-notes.pdf)
 demo: .build/demo
 site: .build/pages
+lab: .build/lab/lab-teacher.zip
 
 test: .venv/.ready
 	$(VENV) -m ruff check

@@ -38,7 +38,9 @@ def test_a_run_that_diverged_is_lost():
 def test_a_finding_is_told_in_a_paragraph_and_every_judged_claim_in_a_row():
     of_the_paper = claims.names("C")
     told = str(Finding("C9", "not shown", "It differs by 1 [-2, 4]."))
-    assert told == "**Claim C9**, a kidnapped robot recovers at once: **not shown**. It differs by 1 [-2, 4]."
+    assert told.startswith(
+        "**Claim C9**, a kidnapped robot recovers at once: **not shown**. It differs by 1 [-2, 4].\n"
+    )
     rows = claims.table(of_the_paper).splitlines()
     assert len(rows) == 2 + len(of_the_paper)
     assert f"| C2 | {CLAIMS['C2'].text} | **{claims.judge('C2').verdict}** | " in "\n".join(rows)
@@ -52,13 +54,19 @@ def test_a_claim_or_a_question_is_added_by_its_judge_alone(monkeypatch):
     def flight():
         return "not shown", "None did."
 
-    @claims.claim("Q99", "should they?")
-    def better_not():
+    @claims.claim("Q99", "should they?", studies.SHORTEST)
+    def better_not(_):
+        """No, if {EPISODES} of
+        them fell.
+        """
         return "no", "It is dangerous."
 
     assert claims.judge("C99") == Finding("C99", "not shown", "None did.")
     assert claims.table(["C99"]).splitlines()[-1] == "| C99 | robots fly | **not shown** | None did. |"
-    assert str(claims.judge("Q99")) == "**Question Q99**, should they?: **no**. It is dangerous."
+    assert str(claims.judge("Q99")).split("\n\n") == [
+        "**Question Q99**, should they?: **no**. It is dangerous.",
+        f"> *Predicate*: No, if {EPISODES} of them fell. Tables: shortest (seeds 1000-1009).",
+    ]
     assert claims.names()[-1] == "Q99"
 
 

@@ -69,6 +69,10 @@ def test_an_erratum_is_told_in_a_paragraph_and_all_in_a_table():
     assert text.startswith("**E8**, Fig. 2: n of about 3 x 256/b, so 256. Eq. (14) gives 258 for b = 3. *Here*: 258.")
     assert "*Proof*: tests/test_features.py::test_bins_of_three" in text
     assert len(errata.table(ERRATA).splitlines()) == 2 + len(ERRATA)
+    assert errata.effect(errata.named("E3")) in errata.table([errata.named("E3")])
+    proof = errata.table([errata.named("E8")]).split("|")[-2]
+    assert proof.startswith(" bins of three give the 258 features of eq 14 and ")
+    assert proof.endswith(" (tests/test_features.py) ")
 
 
 # Proofs that stand nowhere else

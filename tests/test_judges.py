@@ -1,5 +1,6 @@
 """Each of the paper's claims is judged by its predicate, which can come out either way."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -84,6 +85,11 @@ def test_every_claim_of_the_paper_has_a_judge_whose_docstring_is_its_predicate()
         assert len(claims.CLAIMS[name].judge.__doc__.split()) >= 8, name
 
 
+def test_no_predicate_needs_the_code_to_be_understood():
+    for name in claims.names():
+        assert not re.search(r"`|[{}]|\b[A-Z_]{4,}\b|\w\(\)", claims.CLAIMS[name].predicate), name
+
+
 # The claims
 
 
@@ -121,13 +127,19 @@ def test_c3_convergence_is_fewer_steps_than_at_first_and_hardly_fewer_later(twen
     assert judges.within_twenty_episodes(table({"learnt": twenty}), table({"form 2": two_hundred}))[0] == verdict
 
 
+def test_c3_robots_that_differ_too_much_show_neither_that_it_converges_nor_that_it_does_not():
+    learnt = table({"learnt": LEARNS})
+    learnt["steps"] *= np.where((learnt.episode > 15) & (learnt.seed % 2 == 1), 10, 1)
+    assert judges.within_twenty_episodes(learnt, table({"form 2": 40}))[0] == "not shown"
+
+
 @pytest.mark.parametrize(("late", "verdict"), [(40, "reproduced"), (400, "partly reproduced")])
 def test_c4_the_u_turn_is_solved_if_the_last_episodes_end_at_home_soon(late, verdict):
     of, chance = table({"form 2": np.r_[np.full(15, 200), np.full(5, late)]}), table({"random": 350})
     found, effect = judges.hidden_goal(of, chance)
     assert found == verdict
     assert "none of the home objects" in effect
-    assert "of those of random actions 0.0 [0.0, 0.0] %" in effect
+    assert "of all 20 of random actions 0.0 [0.0, 0.0] %" in effect
 
 
 @pytest.mark.parametrize("room", ROOMS.values(), ids=ROOMS)

@@ -1,5 +1,7 @@
 """What is drawn follows its pool and nothing else; step sizes are kept by rule; each question is judged as it says."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -115,14 +117,6 @@ def test_what_the_others_lack_matters_if_form_2_is_better_than_each():
     assert [of("open"), of("comparable", "open"), of("worse", "open")] == ["not shown"] * 3
 
 
-def test_rooms_that_say_the_same_say_it_together_more_precisely():
-    one = Comparison(*[Interval(0.8, 0.8 / 1.2, 0.8 * 1.2)] * 2)
-    together = mechanism.pooled({room: one for room in range(4)})
-    assert together.value == pytest.approx(0.8)
-    # Of four, the interval of the family is that of 1 - .05 / 4, 2.498 standard errors to 1.960 of a single one.
-    assert np.log(together.high / together.value) == pytest.approx(np.log(1.2) * 1.95996 / 2.49771 / 2, rel=1e-3)
-
-
 def table(study, late, stand_ins=False, **columns):
     """A study's table in which conditions take 40 steps, but for those whose label holds a key of `late`."""
     spread, made = np.linspace(0.95, 1.05, 12), []
@@ -174,6 +168,18 @@ def test_the_best_of_the_fixed_lambdas_is_the_one_to_beat():
     assert mechanism.fast(table(M, {}))[0] == "no"
 
 
+def noisy(of, column="late", but=()):
+    """The same, with steps that leave everything open, but for the conditions whose label holds one of `but`."""
+    steady = of.condition.str.contains("|".join(but)) if but else False
+    return of.assign(**{column: of[column] * np.where(steady, 1, np.where(of.seed // 2 % 2, 2.2, 0.4))})
+
+
+def test_whether_it_is_fast_is_told_by_intervals_of_one_width():
+    _, effect = mechanism.fast(noisy(table(M, {}), "total", but=["form 2"]))
+    assert len(set(re.findall(r"\d\.\d\d \[.*?\] \(.*?\)", effect))) == 1
+    assert effect.count("open") == 3
+
+
 def test_what_holds_with_the_taken_action_holds_with_all_if_the_verdicts_are_the_same():
     mine = {"absolute": 60, "opposite": 60}
     of, of_all = table(M, mine), table(mechanism.MECHANISM_ALL, mine)
@@ -184,6 +190,18 @@ def test_what_holds_with_the_taken_action_holds_with_all_if_the_verdicts_are_the
     drawn_others = drawn_table(mechanism.ALL_DRAWN, {"i.i.d.": 60, "Markov": 60})
     others = others.assign(late=np.where(others.condition.str.contains("opposite"), 40, others.late))
     assert mechanism.standard(of, drawn, others, drawn_others)[0] == "no"
+
+
+def test_what_is_not_shown_with_all_weights_is_no_evidence_against_what_holds_with_the_taken_action():
+    mine = {"absolute": 60, "opposite": 60}
+    of, drawn, of_all = table(M, mine), drawn_table(D, {}), table(mechanism.MECHANISM_ALL, {})
+    drawn_all = noisy(drawn_table(mechanism.ALL_DRAWN, {}))
+    sign = ["form 2", "absolute", "opposite"]
+    assert mechanism.standard(of, drawn, noisy(of_all, but=["form 2"]), drawn_all)[0] == "not shown"
+    assert mechanism.standard(of, drawn, noisy(of_all, but=sign), drawn_all)[0] == "no"
+    assert (
+        mechanism.standard(of, drawn, noisy(table(mechanism.MECHANISM_ALL, mine), but=sign), drawn_all)[0] == "partly"
+    )
 
 
 def in_rooms(better):
@@ -218,8 +236,14 @@ def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():
     measured = measured.assign(home=(room * 5) % 7, slope=-(room**2))
     verdict, effect = mechanism.what_decides(*tables, measured)
     assert verdict == "yes"
-    assert "`slope` goes with the effect most (rank correlation +1.00" in effect
+    assert "NRB by distance goes with the effect most (rank correlation +1.00" in effect
     assert mechanism.what_decides(*tables, measured.drop(columns="slope"))[0] == "not shown"
+    # Among six, three that are alike may stand in 6 orders, upwards and downwards; four in 24.
+    for alike, verdict, p in ((3, "yes", 12 / 720), (4, "not shown", 48 / 720)):
+        tied = measured[["condition", "seed"]].assign(area=np.maximum(room, alike - 1))
+        found, effect = mechanism.what_decides(*tables, tied)
+        assert found == verdict
+        assert f"p = {p:.2f}" in effect
 
 
 def test_the_camera_confirms_what_it_decides_as_the_atlas_does():

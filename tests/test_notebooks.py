@@ -11,13 +11,18 @@ from homing_lib.errors import UserError
 from homing_lib.publish import notebooks
 from homing_lib.storage import ROOT
 
-SOURCES = sorted(notebooks.NOTEBOOKS.glob("*.ipynb"))
+SOURCES = sorted(notebooks.NOTEBOOKS.glob("[0-9]*.ipynb"))
 
 PARAMETERS = 'profile = "full"\nfigures_dir = None'
 DRAWS = """
 from homing_lib.publish import figures
 figure = figures.passing_shares({"some": 0.1})
 figures.save(figure, figures_dir, "bar")
+"""
+PLAYS = """
+from homing_lib.publish import figures, widgets
+figure = widgets.play(lambda lambda_: figures.passing_shares({"some": lambda_}), lambda_=0.1)
+figures.save(figure, figures_dir, "played")
 """
 UNSTABLE = """
 import sys, time, matplotlib.pyplot as plt
@@ -94,6 +99,14 @@ def test_every_figure_is_shown_where_it_is_drawn(write, tmp_path):
     source = write(PARAMETERS, DRAWS, DRAWS, DRAWS)
     copy, *_ = notebooks.execute(str(source))
     assert [images(cell) for cell in code_cells(copy)[-3:]] == [1, 1, 1]
+
+
+def test_under_controls_the_copy_shows_the_figure_and_nothing_of_the_controls(write):
+    copy, *_ = notebooks.execute(str(write(PARAMETERS, PLAYS)))
+    (shown,) = code_cells(copy)[-1].outputs
+    assert "image/png" in shown.data
+    assert "HBox" not in copy.read_text(encoding="utf-8")
+    assert "widgets" not in nbformat.read(copy, as_version=4).metadata
 
 
 def test_by_hand_a_notebook_shows_its_figures_and_writes_none(write, tmp_path, monkeypatch):

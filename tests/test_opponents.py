@@ -193,6 +193,13 @@ def test_learning_is_better_than_a_climb_where_it_takes_fewer_steps(learnt, verd
     assert opponents.from_everywhere(of)[0] == verdict
 
 
+def test_each_room_has_its_word():
+    learnt = {"paper": 30.0, "attic": 60.0, "workshop": 90.0}
+    rooms = opponents.from_everywhere(placed({**ALIKE, ("after 20", 0.0): learnt}))[1].split(";")
+    for room, word in zip(rooms, ("better", "comparable", "worse"), strict=False):
+        assert f"), {word}" in room
+
+
 ONE_ROOM = {"paper": 30.0, "attic": 60.0, "workshop": 60.0}
 
 

@@ -142,7 +142,7 @@ def test_an_effect_is_drawn_against_each_property_with_their_rank_correlation():
     rising, falling = {"one": 1.0, "two": 4.0, "three": 5.0}, {"one": 3.0, "two": 2.0, "three": 1.0}
     effect = {"one": Interval(0.5, 0.4, 0.6), "two": Interval(0.9, 0.8, 1.1), "three": Interval(1.2, 1.1, 1.3)}
     axes = [axes for axes in plots.explained({"area": rising, "spread": falling}, effect, "ratio").axes if axes.texts]
-    assert [one.get_title(loc="left") for one in axes] == ["rank correlation +1.00", "rank correlation -1.00"]
+    assert [one.get_title(loc="left") for one in axes] == ["rank correlation +1.00", "rank correlation −1.00"]
     assert [text.get_text() for text in axes[0].texts] == ["1", "2", "3"]
 
 

@@ -83,6 +83,11 @@ def test_the_band_is_exploited_if_a_robot_that_is_paid_spends_more_steps_there(w
 BANDS = list(readings.BAND.conditions)
 
 
+def test_steps_in_the_band_are_compared_as_they_are_however_few():
+    share = {label: 0.002 if "unpaid" in label else 0.003 for label in BANDS}
+    assert "band 1, 20 episodes, 1.50" in readings.band_is_exploited(table(dict.fromkeys(BANDS, 40), band=share))[1]
+
+
 @pytest.mark.parametrize(
     ("masked", "bonus", "verdict"),
     [(200, 40, "yes"), (200, 90, "partly"), (40, 40, "partly"), (40, 90, "no"), (20, 20, "no")],

@@ -68,13 +68,12 @@ def test_a_run_that_diverged_counts_against_the_agent():
     assert all("nan" not in text for text in report.numbers(h).values())
 
 
-def test_every_number_that_the_report_uses_is_defined_and_every_one_defined_is_used():
+def test_every_number_that_the_report_and_the_lectures_use_is_defined_and_every_one_defined_is_used():
     defined = set(re.findall(r"^\\newcommand{\\(\w+)}", report.latex(), re.MULTILINE))
-    source = (ROOT / "paper/report.tex").read_text()
-    assert {name for name in defined if f"\\{name}" not in source} == set()
-    body = source.partition(r"\begin{document}")[2]
-    used = set(re.findall(r"\\([a-z]+[A-Z]\w*)", body)) - {"lVert", "rVert"}
-    assert used <= defined
+    sources = [path.read_text() for path in (ROOT / "paper").rglob("*.tex") if path.name != "numbers.tex"]
+    bodies = "".join(source.partition(r"\begin{document}")[2] for source in sources)
+    used = set(re.findall(r"\\([a-z]+[A-Z]\w*|verdicts?|conclusion|window|multiplier)", bodies)) - {"lVert", "rVert"}
+    assert used == defined
 
 
 def test_plain_text_becomes_latex():
@@ -82,9 +81,9 @@ def test_plain_text_becomes_latex():
         r"$\alpha_{0}$ = $1.25\times10^{-3}$, 95\,\% of $\sigma^2$"
     )
     assert report._tex("2 NRB_t - NRB_(t-1) until psi_lower") == (
-        r"2 $\mathrm{NRB}_{t}$ - $\mathrm{NRB}_{t-1}$ until $\psi_{\mathrm{lower}}$"
+        r"2 $\mathrm{NRB}_{t}$ $-$ $\mathrm{NRB}_{t-1}$ until $\psi_{\mathrm{lower}}$"
     )
-    assert report._tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\% \#1"
+    assert report._tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\,\% \#1"
 
 
 def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():
@@ -103,22 +102,37 @@ def test_the_readme_states_the_result_of_the_stored_runs():
         assert sentence in readme, "write the first three sentences of `homing summary` under 'The result' of README.md"
 
 
-def test_every_figure_of_the_report_is_written_by_the_notebook_that_its_caption_names():
-    source, written = (ROOT / "paper/report.tex").read_text(encoding="utf-8"), report.figures_written()
-    for shown in re.findall(r"\\begin{figure}.*?\\end{figure}", source, re.DOTALL):
-        for name in re.findall(r"\\includegraphics\[.*?\]{([\w-]+)}", shown):
-            assert f"\\notebook{{{written[name]}}}" in shown
+def figures_shown():
+    """Name and notebook of each figure of the report."""
+    return re.findall(
+        r"\\drawn(?:\[\w+\])?{([\w-]+)}{([\w-]+)}", (ROOT / "paper/report.tex").read_text(encoding="utf-8")
+    )
 
 
-def test_every_figure_that_a_notebook_writes_is_in_the_report_once():
+def test_every_figure_that_a_notebook_writes_is_in_the_report_once_and_its_caption_names_the_notebook():
+    sources = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "notebooks").glob("*.ipynb")}
+    saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
+    written = [(name, notebook) for notebook, source in sources.items() for name in saved.findall(source)]
+    assert sorted(figures_shown()) == sorted(written)
+
+
+def test_the_text_refers_to_every_figure_and_table():
     source = (ROOT / "paper/report.tex").read_text(encoding="utf-8")
-    shown = re.findall(r"\\includegraphics\[[^]]*\]{([\w-]+)}", source)
-    assert sorted(shown + [name for name, _ in report.other_figures()]) == sorted(report.figures_written())
+    labels = set(re.findall(r"\\label{([\w:-]+)}", source)) | {f"fig:{name}" for name, _ in figures_shown()}
+    assert labels == set(re.findall(r"\\(?:eq)?ref{([\w:-]+)}", source))
 
 
-def test_the_text_refers_to_every_figure_and_table_that_has_a_label():
-    source = (ROOT / "paper/report.tex").read_text(encoding="utf-8")
-    assert set(re.findall(r"\\label{(.+?)}", source)) == set(re.findall(r"\\(?:eq)?ref{(.+?)}", source))
+def test_the_text_tells_what_was_found_by_the_verdict():
+    for question, texts in answers.FOUND.items():
+        assert claims.judge(question).verdict in texts
+        assert len(set(texts.values())) == len(texts) > 1
+
+
+def test_the_abstract_tells_the_result_without_its_numbers():
+    _, *told = report.result()
+    for short, long in zip((answers.varying_lambda(numbers=False), answers.worth(numbers=False)), told, strict=True):
+        assert "[" not in short
+        assert re.sub(r" \(.*?\)", "", long).startswith(short.rstrip("."))
 
 
 @pytest.mark.parametrize(
@@ -142,7 +156,9 @@ def test_the_verdicts_name_every_judged_claim_once():
 
 def test_claims_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copied():
     told, slips = report.judged(), report.misprints()
-    assert len(told.split("\n\n")) == len(claims.names())
+    how, *each = told.split("\n\n")
+    assert how.startswith("How it is judged. ")
+    assert [re.match(r"\w+ (\w+), .*\nPredicate: ", one, re.S)[1] for one in each] == claims.names()
     assert len(slips.split("\n\n")) == len(errata.ERRATA)
     assert "*" not in told + slips
     for proof in (proof for one in errata.ERRATA for proof in one.proofs if proof.startswith("tests/")):

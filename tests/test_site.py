@@ -14,7 +14,7 @@ from homing_lib.errors import UserError
 from homing_lib.publish import site
 from tests.browser import CHROMIUM, Browser
 
-NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("*.ipynb"))
+NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("[0-9]*.ipynb"))
 PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), "index.html", "claims.html", "errata.html", "model.html"])
 
 
@@ -120,6 +120,10 @@ def test_the_first_page_says_the_result_and_its_caveats(pages):
     told = " ".join(pages["index.html"].get_text().split())
     assert all(sentence in told for sentence in site.report.result())
     assert "grains of salt" in told
+
+
+def test_the_demonstration_leads_back_to_the_first_page(files):
+    assert b'<h1><a href="index.html">' in files["demo.html"]
 
 
 def test_each_claim_and_erratum_is_a_row_of_as_many_cells_as_the_head(pages):

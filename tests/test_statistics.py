@@ -17,6 +17,7 @@ from homing_lib.study.statistics import (
     iqm,
     judged,
     knife_edge,
+    pooled_at_best,
     ratio,
     ratio_at_best,
     side,
@@ -139,6 +140,22 @@ def test_who_may_choose_among_many_alike_seems_no_better_for_it(rng):
     assert sum(held) >= 18
     assert abs(np.mean(found)) < 0.1
     assert np.mean(fooled) > 0.2
+
+
+def test_rooms_are_pooled_by_the_geometric_mean_of_their_ratios(rng):
+    steps = np.array([10.0, 100.0, 1000.0, 7.0])
+    halved, doubled = ([steps], [steps * 2]), ([steps * 2, steps * 9], [steps])
+    assert pooled_at_best([halved, doubled, doubled, doubled], rng) == pytest.approx((2**0.5,) * 3)
+
+
+def test_what_is_pooled_has_a_percentile_interval_over_runs_and_rooms_that_stay_make_it_no_wider(rng):
+    """Skewed, so that no interval that is symmetric, on whatever scale, would do; and four rooms halve it."""
+    few = rng.exponential(100, 60) ** 2
+    alone = pooled_at_best([([few], [np.ones(60)])], rng)
+    assert alone == pytest.approx(ratio_at_best([few], [np.ones(60)], rng), rel=0.05)
+    four = pooled_at_best([([few * scale], [np.ones(60)]) for scale in (1, 10, 100, 1000)], rng)
+    assert four.value == pytest.approx(alone.value * 1000**0.5)
+    assert np.log(four.high / four.low) == pytest.approx(np.log(alone.high / alone.low) / 2, rel=0.1)
 
 
 def test_intervals_of_a_family_are_as_wide_as_their_number_asks(rng):

@@ -80,6 +80,29 @@ def test_a_touched_notebook_remakes_itself_and_the_report_only(make, tmp_path):
     assert make() == ["data", "report", "notebook 02-b", "report"]  # whose last pages list what notebooks draw
 
 
+def test_a_touched_lecture_sets_its_slides_and_its_notes_anew_and_no_other(make, tmp_path):
+    script(
+        tmp_path / "bin/latexmk",
+        """#!/bin/sh
+        case "$*" in *-jobname=*) notes=-notes ;; *) notes= ;; esac
+        for source; do :; done
+        made=.build/lectures/$(basename "$source" .tex)$notes
+        echo "$made" >> log
+        touch "$made.pdf"
+        """,
+    )
+    for name in ("one", "preamble", "two"):
+        (tmp_path / "paper/lectures").mkdir(exist_ok=True)
+        (tmp_path / f"paper/lectures/{name}.tex").touch()
+    made = [f".build/lectures/{name}" for name in ("one", "one-notes", "two", "two-notes")]
+    assert make("lectures") == ["data", "report", "notebook 01-a", "notebook 02-b", *made]
+    assert make("lectures") == ["data"]
+    (tmp_path / f"{made[1]}.pdf").unlink()
+    assert make("lectures") == ["data", *made[:2]]
+    later(tmp_path / "paper/lectures/two.tex")
+    assert make("lectures") == ["data", *made[2:]]
+
+
 def test_changed_data_remake_all_that_reads_them(make, tmp_path):
     make()
     later(tmp_path / ".build/data")
@@ -177,20 +200,25 @@ def test_an_environment_of_another_python_is_made_anew_and_one_of_the_same_is_ke
 
 
 @pytest.mark.parametrize("user", [0, 1000])
-def test_without_latex_root_gets_it_and_others_are_told_the_command(user, tmp_path):
+@pytest.mark.parametrize(
+    ("asked", "needs", "more"),
+    [((), "the report needs", ""), (("lectures",), "the lectures need", " texlive-pictures")],
+    ids=["report", "lectures"],
+)
+def test_without_latex_root_gets_it_and_others_are_told_the_command(asked, needs, more, user, tmp_path):
     script(tmp_path / "id", f"#!/bin/sh\necho {user}\n")
     script(tmp_path / "sudo", "#!/bin/sh\nexit 1\n")
     script(tmp_path / "apt-get", f'#!/bin/sh\necho "$*" >> {tmp_path}/log\n')
     (tmp_path / "env").symlink_to("/usr/bin/env")
-    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
-    packages = "--no-install-recommends latexmk texlive-latex-recommended lmodern"
+    done = run(ROOT / "paper/install-tex.sh", *asked, cwd=tmp_path, path=str(tmp_path))
+    packages = f"--no-install-recommends latexmk texlive-latex-recommended lmodern{more}"
     if user == 0:
         assert done.returncode == 0
         wait = "-o DPkg::Lock::Timeout=600"
         assert (tmp_path / "log").read_text() == f"{wait} update -q\n{wait} install -q -y {packages}\n"
     else:
         assert done.returncode == 1
-        assert done.stderr == f"homing: the report needs LaTeX; run: sudo apt-get install {packages}\n"
+        assert done.stderr == f"homing: {needs} LaTeX; run: sudo apt-get install {packages}\n"
         assert not (tmp_path / "log").exists()
 
 

@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     notebook.add_argument("--figures-dir", type=Path)
     command("report", partial(_print, "latex"), "the numbers and tables of the report, as LaTeX")
     command("summary", partial(_print, "summary"), "the headline numbers")
-    command("claims", partial(_print, "judged"), "every claim and question: verdict and effect")
+    command("claims", partial(_print, "judged"), "every claim and question: verdict, effect and predicate")
     command("errata", partial(_print, "misprints"), "every slip of the printed paper: reading, effect and proof")
     return parser
 

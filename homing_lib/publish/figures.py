@@ -172,6 +172,9 @@ def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -
     axes.bar_label(bars, fmt="%.1f %%", padding=4)
     axes.tick_params(axis="y", length=0)
     axes.set(xlabel="random poses that pass for home (%)", xlim=(0, 1.12 * max(*percent, 1)))
+    if selective:
+        passing = " and ".join(f"{shares[name]:.1%}" for name in selective)
+        axes.set_title(f"With σ² as it is used here, {passing} of random poses pass for home")
     return figure
 
 

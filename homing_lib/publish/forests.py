@@ -153,6 +153,17 @@ def draw_column(axes: Axes, column: Column, rows: Sequence[str], *, narrow: bool
 
 def _greek(label: str) -> str:
     """Symbols as the paper sets them."""
-    for name, symbol in (("alpha_0", "α₀"), ("epsilon_0", "ε₀"), ("theta_0", "θ₀"), ("sigma^2", "σ²"), ("tau ", "τ ")):
+    for name, symbol in _SYMBOLS.items():
         label = label.replace(name, symbol)
     return label
+
+
+_SYMBOLS = {
+    "alpha_0": "α₀",
+    "alpha": "α",
+    "epsilon_0": "ε₀",
+    "theta_0": "θ₀",
+    "sigma^2": "σ²",
+    "tau ": "τ ",
+    "lambda": "λ",
+}

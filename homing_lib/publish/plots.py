@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from math import ceil
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -186,11 +187,12 @@ def explained(properties: Mapping[str, Mapping[str, float]], effect: Mapping[str
     for axes, (name, of_case) in zip(grid.flat, properties.items(), strict=False):
         for case, found in effect.items():
             axes.vlines(of_case[case], found.low, found.high, color=GREY, linewidth=1.2)
-            axes.plot(of_case[case], found.value, "o", color=BLUE, markersize=4)
-            drawing.beside(axes, str(numbers[case]), (of_case[case], found.value), (4, 2))
+            disc = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7}
+            at = {"ha": "center", "va": "center", "fontsize": 6}
+            axes.text(of_case[case], found.value, str(numbers[case]), bbox=disc, **at)
         rho = spearmanr([of_case[case] for case in effect], [found.value for found in effect.values()]).statistic
         axes.axhline(1, **DASHED, zorder=0)
-        axes.set_title(f"rank correlation {rho:+.2f}")
+        axes.set_title(f"rank correlation {rho:+.2f}".replace("-", "\N{MINUS SIGN}"))
         axes.set_xlabel(name)
         axes.margins(x=0.15)
     plt.setp(grid[:, 0], ylabel=label)
@@ -250,17 +252,20 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
 def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room | Sequence[Room], label: str) -> Figure:
     """A number at each place, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place.
 
-    room: of all maps, or one each.
+    room: of all maps, or one each; a metre is as long in every map.
     """
     rooms = [room] * len(maps) if isinstance(room, Room) else room
-    figure, (grid,) = plt.subplots(1, len(maps), squeeze=False, figsize=(TEXT_WIDTH, 2.7), layout="compressed")
+    widths, depths = zip(*(plan.size for plan in rooms), strict=True)
+    size = TEXT_WIDTH, 0.45 + max(depths) * (TEXT_WIDTH - 1) / sum(widths)
+    options: dict[str, Any] = {"width_ratios": widths, "squeeze": False, "figsize": size, "layout": "compressed"}
+    figure, (grid,) = plt.subplots(1, len(maps), **options)
     everything = np.concatenate([values for _, _, values in maps.values()])
     scale = Normalize(everything.min(), everything.max())
     for axes, plan, (title, (x, y, values)) in zip(grid, rooms, maps.items(), strict=True):
         shown = axes.scatter(x, y, c=values, s=95, marker="s", norm=scale, linewidth=0)
         drawing.draw_floor_plan(axes, plan)
-        axes.set_title(title)
-    figure.colorbar(shown, ax=grid, label=label, shrink=0.8)
+        axes.set(title=title, ylim=(plan.size[1] - max(depths) - 0.01, plan.size[1] + 0.01))
+    figure.colorbar(shown, ax=grid, label=label)
     return figure
 
 

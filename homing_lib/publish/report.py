@@ -1,4 +1,5 @@
-"""The numbers of the report, the README and the terminal, all computed from the stored runs. Nothing is typed."""
+"""The numbers of the report, the lectures, the README and the terminal, all computed from the stored runs. Nothing is
+typed."""
 
 import re
 import textwrap
@@ -18,7 +19,7 @@ from homing_lib.storage import ROOT
 from homing_lib.study import claims, errata, opponents, runs, studies
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW
 from homing_lib.study.probes import CLIMBING
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import by_episode, load_table
 from homing_lib.study.statistics import interval, ratio
 from homing_lib.thresholds import stopping_thresholds
 
@@ -26,8 +27,6 @@ WELL_BELOW = 0.75
 """A ratio of mean steps counts as "well below" if it is no larger than this and its interval excludes 1."""
 
 VERIFIED = ROOT / ".build" / "verified"
-
-REPORT = ROOT / "paper" / "report.tex"
 
 
 class Headline:
@@ -85,6 +84,15 @@ def conclusion(h: Headline) -> str:
     )
 
 
+def in_numbers(h: Headline) -> list[str]:
+    """The end against the beginning and against chance, and how often home was reached: two sentences."""
+    return [
+        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
+        f"{h.of_random:.2f}. The end is {h.verdict} both.",
+        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
+    ]
+
+
 def result() -> list[str]:
     """Three sentences: does it learn, does a varying lambda matter and by what, is it worth it."""
     return [conclusion(stored_headline()), answers.varying_lambda(), answers.worth()]
@@ -95,9 +103,7 @@ def summary() -> str:
     h = stored_headline()
     lines = [
         *result(),
-        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
-        f"{h.of_random:.2f}. The end is {h.verdict} both.",
-        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {len(h.learnt)} runs diverged.",
+        *in_numbers(h),
     ]
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())
@@ -109,8 +115,8 @@ def summary() -> str:
 
 
 def judged() -> str:
-    """Every claim and question with its verdict and effect, a paragraph each, as plain text."""
-    return _paragraphs(claims.judge(name) for name in claims.names())
+    """How it is judged, then every claim and question: verdict, effect and predicate, as plain text."""
+    return _paragraphs([claims.HOW, *map(claims.judge, claims.names())])
 
 
 def misprints() -> str:
@@ -120,8 +126,11 @@ def misprints() -> str:
 
 def _paragraphs(of: Iterable[object]) -> str:
     """Markdown as plain text of a terminal's width; names of tests are not broken."""
-    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "")) for one in of)
-    return "\n\n".join(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) for text in plain)
+    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "").replace("\n\n> ", "\0")) for one in of)
+    return "\n\n".join(
+        "\n".join(textwrap.fill(part, 100, break_long_words=False, break_on_hyphens=False) for part in text.split("\0"))
+        for text in plain
+    )
 
 
 def verdicts() -> str:
@@ -141,11 +150,14 @@ def counted() -> str:
 
 
 def latex() -> str:
-    """paper/numbers.tex: a macro for every number of the report, and the bodies of its tables."""
+    """paper/numbers.tex: a macro for every number of the report and the lectures, and the bodies of the tables."""
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
         "lambdaAnswer": _tex(answers.varying_lambda()),
         "worthAnswer": _tex(answers.worth()),
+        "lambdaWords": _tex(answers.varying_lambda(numbers=False)),
+        "worthWords": _tex(answers.worth(numbers=False)),
+        "signElsewhere": _tex(answers.sign_elsewhere()),
         "verdicts": _tex(verdicts()),
         "verdictsCounted": _tex(counted()),
         "judgedRuns": f"{len(studies.FRESH)}",
@@ -155,11 +167,12 @@ def latex() -> str:
         "wayChosen": _tex(opponents.CHOSEN),
         "trialSteps": f"{TRIAL_STEPS}",
         **{f"answer{name}": _tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
-        **{f"effect{name}": _tex(claims.judge(question).effect) for name, question in _EFFECTS.items()},
+        "ratioFixed": f"{answers.against_the_best_fixed().typical:.2f}",
+        "ratioClimbUsual": f"{answers.against_the_climb(load_table(opponents.OPPONENTS), usual=True).typical:.2f}",
+        **{f"found{name}": _tex(answers.FOUND[of][claims.judge(of).verdict]) for name, of in _FOUND.items()},
         "tableOpponents": "\n".join(_row(*cells) for cells in answers.beside_the_headline()),
         "tableClaims": _verdicts_of("C"),
         "tableQuestions": _verdicts_of("Q"),
-        "otherFigures": "\n".join(f"\\panel{{{name}}}{{{notebook}}}" for name, notebook in other_figures()),
         "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
@@ -168,8 +181,24 @@ def latex() -> str:
 
 
 _ANSWERS = {
+    "Equivalence": "C1",
+    "Timing": "Q1",
+    "Size": "Q2",
+    "Sign": "Q3",
+    "Best": "Q4",
+    "Standard": "Q6",
+    "Rooms": "Q7",
+    "Decides": "Q8",
+    "Usual": "Q20",
+    "Everywhere": "Q21",
+    "Walk": "Q30",
+}
+"""The claims and questions whose verdicts the lectures cite, by the end of the macro's name."""
+
+_FOUND = {
     "Fast": "Q5",
     "Standard": "Q6",
+    "Rooms": "Q8",
     "Camera": "Q9",
     "Reward": "Q10",
     "Initial": "Q11",
@@ -179,25 +208,10 @@ _ANSWERS = {
     "Anywhere": "Q23",
     "Learning": "Q24",
     "Behind": "Q25",
+    "Walls": "Q26",
     "Walk": "Q30",
 }
-"""The questions whose verdicts the text cites, by the end of the macro's name."""
-
-_EFFECTS = {"Rooms": "Q8", "Letter": "Q14", "Anywhere": "Q23"}
-"""Those whose effect it cites."""
-
-
-def other_figures() -> list[tuple[str, str]]:
-    """Figures that notebooks write and the report's text does not show: name and notebook, in reading order."""
-    shown = set(re.findall(r"\\includegraphics\[[^]]*\]{([\w-]+)}", REPORT.read_text(encoding="utf-8")))
-    return [(name, notebook) for name, notebook in figures_written().items() if name not in shown]
-
-
-def figures_written() -> dict[str, str]:
-    """Each figure that a notebook saves, and the notebook."""
-    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("*.ipynb"))}
-    saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
-    return {name: notebook for notebook, source in sources.items() for name in saved.findall(source)}
+"""The questions of whose answers the text tells, by the end of the macro's name."""
 
 
 def _verdicts_of(kind: str) -> str:
@@ -321,8 +335,8 @@ def _row(setting: str, *cells: str) -> str:
 
 _SYMBOLS = ["alpha", "beta", "gamma", "delta", "epsilon", "theta", "lambda", "pi", "sigma", "tau", "phi", "psi"]
 _MATHS = re.compile(
-    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>\d %)"
-    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
+    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>[\d\]] ?%)"
+    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q|H)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
 )
 
 
@@ -354,7 +368,7 @@ def _as_maths(match: "re.Match[str]") -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"(?<![\w.)])-(?=[\d.])", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
+    return re.sub(r"(?<![\w.)])-(?=[\d.])|(?<= )-(?= )", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
 
 
 _SPECIAL = str.maketrans(

@@ -23,7 +23,7 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish import figures, forests, plots, report
+from homing_lib.publish import figures, forests, plots, report, widgets
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
 from homing_lib.publish.page import PAGE, palette
 from homing_lib.settings import Settings
@@ -43,17 +43,25 @@ DOORS = (
     ("errata.html", "Errata"),
     ("model.html", "Model"),
 )
-COPIES = {"demo.html": PAGE, "report.pdf": ROOT / "paper" / "report.pdf", "film.gif": ROOT / "figures" / "film.gif"}
+COPIES = {
+    "demo.html": PAGE,
+    "report.pdf": ROOT / "paper" / "report.pdf",
+    "film.gif": ROOT / "figures" / "film.gif",
+    "lab.ipynb": NOTEBOOKS / "lab.ipynb",
+}
+HOMEWARDS = (b"<h1>The homing companion</h1>", b'<h1><a href="index.html">The homing companion</a></h1>')
+"""The heading of the demonstration, and what it is in the site: the way back."""
 
 
 def build() -> dict[str, bytes]:
     """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
     files = {name: content(path) for name, path in COPIES.items()}
+    files["demo.html"] = files["demo.html"].replace(*HOMEWARDS)
     css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
     files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
     notebooks = {
         f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
-        for source in sorted(NOTEBOOKS.glob("*.ipynb"))
+        for source in sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
     }
     chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
     pages = {
@@ -95,7 +103,7 @@ class Renderer(IPythonRenderer):
         return mathml(body, display="inline")
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
-        return super().link(text, re.sub(r"^([\w-]+)\.ipynb", r"\1.html", url), title)
+        return super().link(text, re.sub(r"^(\d[\w-]*)\.ipynb", r"\1.html", url), title)
 
     def table(self, text: str) -> str:
         """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
@@ -144,14 +152,15 @@ def describe(notebook: Notebook) -> None:
         if cell.cell_type == "markdown":
             section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
-        told = [drawings()[name] for name in re.findall(r"\w+(?=\()", cell.source) if name in drawings()]
+        called = re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source)
+        told = [drawings()[name] for name in called if name in drawings()]
         cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
 
 
 @cache
 def drawings() -> dict[str, str]:
     """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
-    functions = [vars(module) for module in (figures, plots, forests)]
+    functions = [vars(module) for module in (figures, plots, forests, widgets)]
     return {
         name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
         for name, function in ChainMap(*functions).items()

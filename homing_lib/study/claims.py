@@ -1,10 +1,9 @@
 """Claims of the paper, and questions beyond it, judged by the stored studies: how a verdict is made, told and found.
 
 A judge takes the tables of its studies and returns a verdict and the effect that it rests on, with its 95 % interval;
-its docstring is the predicate. Judges stand beside their studies, those of the paper's claims in `judges.py`. Steps are
-compared over the last WINDOW episodes, seed by seed, and an episode that a diverged run did not reach counts as the
-step cap (`runs.episodes_of`). A few robots get lost, and one of them moves a mean more than all others: every
-comparison of steps is therefore made twice (`Comparison`), and open unless both say the same.
+its docstring is the predicate, in which {NAME} stands for a constant of its module. Judges stand beside their studies,
+those of the paper's claims in `judges.py`. What all of them have in common is told by `HOW`. A few robots get lost, and
+one of them moves a mean more than all others: every comparison of steps is therefore made twice (`Comparison`).
 """
 
 import pkgutil
@@ -21,6 +20,9 @@ from homing_lib.settings import Settings
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import Study, episodes_of, load_table
 from homing_lib.study.statistics import (
+    FEWER_RESAMPLES,
+    MARGIN,
+    RESAMPLES,
     Interval,
     interval,
     iqm,
@@ -42,6 +44,21 @@ Verdict = Literal[
 ]
 """Of a claim, the first five; of a question "yes", "partly", "no" or "not shown"."""
 
+HOW = f"""**How it is judged.** Late steps, or those of the last episodes, are a run's mean of its last {WINDOW}, those
+of the first episodes of its first {WINDOW}; an episode that a diverged run did not reach counts as the step cap. They
+are compared twice, as the ratio of interquartile means (IQM: of n runs, n / 4, rounded down, are left out at each end)
+and as that of means. Better or worse: the intervals of both lie on that side of 1; else comparable: both lie between
+1/{MARGIN:g} and {MARGIN:g}; else open. Intervals are 95 % percentile intervals of {RESAMPLES} bootstrap samples
+({FEWER_RESAMPLES} for episodes, degrees, straight lines and pooled ratios), in which a seed brings all of its runs.
+Where a predicate names a k, as many comparisons are made together and each interval is that of 1 - .05/k; else it is
+not widened. What must exceed a bound, or fall short of it, must do so with its whole interval. Who may choose a step
+size or a fixed λ chooses by halves: the runs at the even and at the odd places of the list of seeds. The choice with
+the fewest steps in one half (by the IQM or by the mean, as it is judged) is judged in the other, both ways, and the two
+are put together; each bootstrap sample draws anew within the halves, and chooses anew. A claim is reproduced if its
+strong sense holds, partly if the weak one alone does, not reproduced if the weak one does not hold, and not shown if
+that is open. Whether form 2 is better than several others: yes, than each; partly, than some; no, than none, and
+comparable or worse each time; not shown, if none of these. Where a predicate has a rule of its own, that one counts."""
+
 Judged = tuple[Verdict, str]
 """What a judge returns: the verdict, and the effect in words."""
 
@@ -55,6 +72,12 @@ class Claim(NamedTuple):
     judge: _Judge
     studies: tuple[Study, ...]
 
+    @property
+    def predicate(self) -> str:
+        """The docstring of the judge, and where its numbers come from."""
+        tables = ", ".join(f"{one.name} (seeds {min(one.seeds)}-{max(one.seeds)})" for one in self.studies)
+        return " ".join(f"{self.judge.__doc__}{f' Tables: {tables}.' * bool(tables)}".split())
+
 
 CLAIMS: dict[str, Claim] = {}
 """By name, filled by `claim`: "C1" to "C17" of the paper, which spreads them over its abstract and sections IV and V,
@@ -67,6 +90,7 @@ def claim(name: str, text: str, *needed: Study) -> Callable[[_Judge], _Judge]:
     def judged_by(judge: _Judge) -> _Judge:
         if CLAIMS.get(name):
             raise ValueError(f"{name} is judged already, by {CLAIMS[name].judge.__name__}")
+        judge.__doc__ = (judge.__doc__ or "").format_map(judge.__globals__)
         CLAIMS[name] = Claim(text, judge, needed)
         return judge
 
@@ -81,7 +105,7 @@ def names(kind: str = "CQ") -> list[str]:
 
 
 class Finding(NamedTuple):
-    """What was found about a claim or a question. str() is a paragraph in Markdown."""
+    """What was found about a claim or a question. str() is a paragraph in Markdown, and one of the predicate."""
 
     name: str
     verdict: Verdict
@@ -94,7 +118,8 @@ class Finding(NamedTuple):
 
     def __str__(self) -> str:
         kind = "Claim" if self.name.startswith("C") else "Question"
-        return f"**{kind} {self.name}**, {self.claim}: **{self.verdict}**. {self.effect}"
+        told = f"**{kind} {self.name}**, {self.claim}: **{self.verdict}**. {self.effect}"
+        return f"{told}\n\n> *Predicate*: {CLAIMS[self.name].predicate}"
 
 
 @cache
@@ -181,7 +206,7 @@ def first_good(of: Any, condition: str = "form 2") -> Interval:
         mean = runs.mean(axis=0)
         return 1 + int(np.argmax(mean <= 1.5 * mean[-WINDOW:].mean()))
 
-    again = [first(steps[rng.integers(len(steps), size=len(steps))]) for _ in range(2000)]
+    again = [first(steps[rng.integers(len(steps), size=len(steps))]) for _ in range(FEWER_RESAMPLES)]
     return Interval(first(steps), *np.percentile(again, (2.5, 97.5)))
 
 

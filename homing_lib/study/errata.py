@@ -46,7 +46,7 @@ def effect(of: Erratum) -> str:
     """What the readings that were run do to the steps of the last episodes, in words; nothing if none was."""
     told = []
     for study, condition, against in of.seen:
-        ratio = claims.of_steps(load_table(study), condition, against, family=len(_SEEN))
+        ratio = claims.of_steps(load_table(study), condition, against, family=FAMILY)
         told.append(f"{condition.removeprefix(f'{of.name} ')}, {ratio:.2f}{knife_edge(*ratio)}: {ratio.word}")
     return f"Late steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
@@ -70,8 +70,19 @@ def named(name: str) -> Erratum:
 
 def table(of: Iterable[Erratum]) -> str:
     """Errata as a table in Markdown."""
-    rows = [f"| {one.name} | {one.where} | {one.printed}. {one.wrong}. | {one.reading} |" for one in of]
-    return "\n".join(["| | where | as printed, and why it cannot stand | here |", "|---|---|---|---|", *rows])
+    head = "| | where | as printed, and why it cannot stand | here, and what it changes | proof |"
+    rows = [
+        f"| {one.name} | {one.where} | {one.printed}. {one.wrong}. | {one.reading}. {effect(one)}".rstrip()
+        + f" | {'; '.join(map(_sentence, one.proofs))} |"
+        for one in of
+    ]
+    return "\n".join([head, "|---" * 5 + "|", *rows])
+
+
+def _sentence(proof: str) -> str:
+    """A test's name is the sentence that it proves; other proofs as they stand."""
+    path, _, test = proof.partition("::test_")
+    return f"{test.replace('_', ' ')} ({path})" if test else proof
 
 
 def _printed(*conditions: str) -> tuple[Seen, ...]:
@@ -357,4 +368,5 @@ ERRATA = (
 )
 """E1 to E24 are the slips and gaps that a reader meets who rebuilds the model; those from E25 on were found since."""
 
-_SEEN = [seen for one in ERRATA for seen in one.seen]  # as many comparisons as these are one family
+FAMILY = sum(len(one.seen) for one in ERRATA)
+"""As many comparisons of readings with ours are one family."""

@@ -1,6 +1,6 @@
 """What is kept of a run: its episodes or their summary, trials after it, views, shortest paths."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from math import degrees, floor, pi
 from typing import Any
@@ -42,6 +42,23 @@ def episode_table(result: Run) -> Columns:
     number, lost = np.arange(1.0, result.settings.episodes + 1), result.settings.episodes - len(lengths)
     padded = {name: np.r_[values, np.full(lost, np.nan)] for name, values in finished.items()}
     return {"episode": number, **padded, "diverged": (number > len(lengths)).astype(float)}
+
+
+def typical(result: Run, numbers: Sequence[int]) -> int:
+    """Of these episodes (1, 2, ...) the one of median length: no favourite."""
+    return sorted(numbers, key=lambda number: result.lengths[number - 1])[len(numbers) // 2]
+
+
+def resets(several: Sequence[Run]) -> dict[str, float]:
+    """Shares of all steps, by what became of their lambda; and of those before the first reset of an episode."""
+    lambda_, clipped = (np.concatenate([one.column(name) for one in several]) for name in ("lambda", "clipped"))
+    episodes = [part for one in several for part in np.split(one.column("clipped"), one.ended[:-1])]
+    return {
+        "reset to 0": ((lambda_ == 0) & (clipped > 0)).mean(),
+        "reset to 1": ((lambda_ == 1) & (clipped > 0)).mean(),
+        "as (7) gives it": (clipped == 0).mean(),
+        "before the first reset of their episode": np.concatenate([part.cumsum() == 0 for part in episodes]).mean(),
+    }
 
 
 def summary(settings: Settings, seed: int) -> Columns:

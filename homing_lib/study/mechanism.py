@@ -7,13 +7,12 @@ its size and not its sign. Each has the best of three step sizes (`claims.compar
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from itertools import pairwise, permutations
+from itertools import permutations
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, spearmanr
+from scipy.stats import rankdata, spearmanr
 
-from homing_lib import lambdas
 from homing_lib.agent import Agent, Run, run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array, similarity
@@ -23,9 +22,10 @@ from homing_lib.settings import Settings
 from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best
 from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
-from homing_lib.study.statistics import Interval, side
+from homing_lib.study.statistics import iqm, pooled_at_best, side
 from homing_lib.study.studies import FRESH, study
-from homing_lib.td import LinearTD
+from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
+from homing_lib.study.walk import learning
 from homing_lib.thresholds import stopping_thresholds
 
 _PAPER = Settings(images="atlas")
@@ -116,6 +116,19 @@ CHOICE = study(
 )
 
 
+PROPERTIES = {
+    "home": "views that pass for home",
+    "spread": "spread of NRB",
+    "slope": "NRB by distance",
+    "same_sign": "same sign twice",
+    "positive": "positive errors",
+    "early": "early steps",
+    "at_wall": "steps at walls",
+    "area": "area (m²)",
+}
+"""What `properties` measures, in words."""
+
+
 def properties(settings: Settings, seed: int) -> Columns:
     """What a room and learning there are like, in one row.
 
@@ -149,33 +162,12 @@ def properties(settings: Settings, seed: int) -> Columns:
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
-WALK_STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-
-
 def walk(settings: Settings, seed: int) -> Columns:
-    """The 19-state random walk (Sutton & Barto 2018, example 7.1) instead of the robot: of the settings, lambda counts.
+    """The 19-state random walk of the textbooks instead of the robot: of the settings, lambda counts.
 
     One row per step size, `alpha`: `error`, the root mean square over the states, mean of the first ten episodes.
     """
-    rng, truth, features = np.random.default_rng(seed), np.arange(-9, 10) / 10, np.eye(20, 19)
-    walks = []
-    for _ in range(10):
-        states = [9]
-        while 0 <= states[-1] < 19:
-            states.append(states[-1] + int(rng.choice((-1, 1))))
-        walks.append(states)
-    errors = []
-    for alpha in WALK_STEP_SIZES:
-        rule = lambdas.parse(settings.lambda_rule).rule
-        learner = LinearTD(19, step_size=alpha, discount=1.0, lambda_rule=rule)
-        after = []
-        for states in walks:
-            learner.begin_episode()
-            for state, then in pairwise(states):
-                ended = not 0 <= then < 19
-                learner.update(features[state], float(np.sign(then - 9)) * ended, features[then], terminal=ended)
-            after.append(np.sqrt(np.mean((learner.weights - truth) ** 2)))
-        errors.append(np.mean(after))
+    errors = [learning(settings.lambda_rule, seed, alpha).mean() for alpha in WALK_STEP_SIZES]
     return {"alpha": np.array(WALK_STEP_SIZES), "error": np.array(errors)}
 
 
@@ -255,6 +247,8 @@ def drawn(settings: Settings, seed: int) -> Columns:
 _FORM_2 = {"form 2": "fletcher-reeves"}
 _OTHERS = [room for room in ROOMS if room != "paper"]
 _RIVALS = CORE | {name: rule for name, rule in FURTHER.items() if name.startswith("fixed")}
+ALL_FIXED = tuple(label for label in _RIVALS if label.startswith("fixed"))
+VALUES, ALL_VALUES = (", ".join(label.removeprefix("fixed ") for label in labels) for labels in (FIXED, ALL_FIXED))
 
 MECHANISM = study(
     "mechanism",
@@ -370,6 +364,11 @@ def all_rows(
     return np.vstack([rows(of, rule, update, room, column=column) for rule in rules])
 
 
+def ranking(of: Any) -> list[str]:
+    """Rules by their late steps, interquartile means, each at its best step size; the fewest first. of: `MECHANISM`."""
+    return sorted(CORE, key=lambda rule: min(map(iqm, rows(of, rule))))
+
+
 def whether(*found: Comparison) -> Verdict:
     """Does what the others lack matter? Yes: form 2 is better than each; partly: than one; no: better than none, and
     comparable or worse; not shown: something else.
@@ -403,48 +402,55 @@ _INTRO = "Late steps of form 2 as a multiple of those of"
 
 @claim("Q1", "does it matter *when* λ is large?", MECHANISM, MECHANISM_DRAWN)
 def when(of: Any, drawn: Any) -> Judged:
-    """Yes: form 2 is better than lambdas drawn from its own, independently and as a Markov chain (`whether`)."""
+    """Form 2 is better than lambdas drawn from its own, independently and as a Markov chain (k = 2), each at the best
+    of the step sizes {STEP_SIZES}.
+    """
     found = timing(of, drawn)
     return whether(*found.values()), f"{_INTRO} lambdas drawn from its own, {told(found)}."
 
 
 @claim("Q2", "does the size of the conjugate ratio matter, beyond its sign?", MECHANISM)
 def size(of: Any) -> Judged:
-    """Yes: form 2 is better than a gate of the same sign, and than its ratio upside down (`whether`)."""
+    """Form 2 is better than a gate of the same sign, and than its ratio upside down (k = 2), each at its best step
+    size.
+    """
     found = against(of, SAME_SIGN)
     return whether(*found.values()), f"{_INTRO} rules with its sign alone, {told(found)}."
 
 
 @claim("Q3", "does its sign matter, beyond its size?", MECHANISM)
 def sign(of: Any) -> Judged:
-    """Yes: form 2 is better than the opposite gate, and than its absolute value (`whether`)."""
+    """Form 2 is better than the opposite gate, and than its absolute value (k = 2), each at its best step size."""
     found = against(of, SAME_SIZE)
     return whether(*found.values()), f"{_INTRO} rules without its sign, {told(found)}."
 
 
-def best_fixed(of: Any, update: str, column: str = "late") -> Comparison:
+def best_fixed(of: Any, update: str, column: str = "late", family: int = 1) -> Comparison:
     """Form 2 against the best of all fixed lambdas at all their step sizes, which are chosen as step sizes are."""
-    fixed = FIXED if update == "taken" else [rule for rule in _RIVALS if rule.startswith("fixed")]
-    return compare_at_best(rows(of, "form 2", update, column=column), all_rows(of, fixed, update, column=column))
+    fixed = FIXED if update == "taken" else ALL_FIXED
+    return compare_at_best(
+        rows(of, "form 2", update, column=column), all_rows(of, fixed, update, column=column), family
+    )
 
 
 @claim("Q4", "is form 2 better than the best fixed λ, once learnt?", MECHANISM)
 def than_the_best_fixed(of: Any) -> Judged:
-    """Yes: it takes fewer steps in the last episodes than the best fixed lambda, each at its best step size."""
+    """Form 2 takes fewer late steps than the best fixed λ of {VALUES}, each at its best step size."""
     found = best_fixed(of, "taken")
     return whether(found), f"{_INTRO} the best fixed one: {found:.2f}, {found.word}."
 
 
 @claim("Q5", "is it *fast*: does it take fewer steps over all twenty episodes?", MECHANISM)
 def fast(of: Any) -> Judged:
-    """Yes: than the best fixed lambda and than fixed 0, each at the step size with which all its episodes together take
-    the fewest steps (`whether`).
+    """Form 2 takes fewer than the best fixed λ of {VALUES} and than fixed 0, each at the step size, and the fixed one
+    at the λ, with which all its episodes together take the fewest. The gate stands beside them and is not judged (k =
+    3).
     """
     ours = rows(of, "form 2", column="total")
     found = {
-        "the best fixed one": best_fixed(of, "taken", "total"),
-        "fixed 0": compare_at_best(ours, rows(of, "fixed 0", column="total"), 2),
-        "the gate": compare_at_best(ours, rows(of, "gate", column="total"), 2),
+        "the best fixed one": best_fixed(of, "taken", "total", 3),
+        "fixed 0": compare_at_best(ours, rows(of, "fixed 0", column="total"), 3),
+        "the gate": compare_at_best(ours, rows(of, "gate", column="total"), 3),
     }
     return (
         whether(found["the best fixed one"], found["fixed 0"]),
@@ -461,8 +467,9 @@ def fast(of: Any) -> Judged:
     ALL_DRAWN,
 )
 def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
-    """Yes: timing, size, sign and best fixed lambda are judged as they are under the paper's update (Q1 to Q4), though
-    not as not shown; partly: one of them; no: none.
+    """Timing, size, sign and best fixed λ (of {ALL_VALUES}) are judged as under the paper's update (Q1 to Q4, as wide
+    as there). Yes: each has the same verdict under both, which is not "not shown"; partly: some have; no: none
+    has, and one is judged the other way, yes or partly under the one and no under the other; else not shown.
     """
     parts = {
         "timing": (timing(of, drawn), timing(of_all, drawn_all, "all")),
@@ -472,11 +479,12 @@ def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
     }
     verdicts = {name: tuple(whether(*one.values()) for one in pair) for name, pair in parts.items()}
     same = [name for name, (taken, every) in verdicts.items() if taken == every != "not shown"]
+    otherwise = any(len(set(pair)) == 2 and "no" in pair and "not shown" not in pair for pair in verdicts.values())
     words = "; ".join(
         f"{name}: {verdicts[name][0]}, then {verdicts[name][1]} ({told(parts[name][1])})" for name in parts
     )
     return (
-        "yes" if len(same) == len(parts) else "partly" if same else "no",
+        "yes" if len(same) == len(parts) else "partly" if same else "no" if otherwise else "not shown",
         f"Does it matter, with the weights of the taken action and then with all: {words}.",
     )
 
@@ -484,10 +492,10 @@ def standard(of: Any, drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
 BEST_FIXED = "best fixed"
 
 
-def by_room(
+def late_by_room(
     rival: str, taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, update: str = "taken"
-) -> dict[str, Comparison]:
-    """Form 2's late steps as a multiple of a rival's, in each room. rival: a rule, a stand-in or BEST_FIXED."""
+) -> dict[str, tuple[Array, Array]]:
+    """Late steps of form 2 and of a rival, as `rows` gives them. rival: a rule, a stand-in or BEST_FIXED."""
     found = {}
     for room in ROOMS:
         of, stood_in = (taken, drawn) if room == "paper" else (rooms, rooms_drawn)
@@ -495,19 +503,13 @@ def by_room(
             theirs = all_rows(of, FIXED, update, room)
         else:
             theirs = rows(stood_in if rival in STAND_INS else of, rival, update, room)
-        found[room] = compare_at_best(rows(of, "form 2", update, room), theirs, len(ROOMS))
+        found[room] = rows(of, "form 2", update, room), theirs
     return found
 
 
-def pooled(found: Mapping[str, Comparison]) -> Interval:
-    """Geometric mean over the rooms of the ratios of interquartile means. Rooms are strata, independent of each other:
-    what their intervals, of a family of as many, say of their errors adds up as squares.
-    """
-    z = norm.ppf(1 - 0.025 / len(found))
-    logs = np.log([one.typical for one in found.values()])
-    centre = logs[:, 0].mean()
-    error = norm.ppf(0.975) * np.sqrt((((logs[:, 2] - logs[:, 1]) / (2 * z)) ** 2).sum()) / len(found)
-    return Interval(*np.exp([centre, centre - error, centre + error]))
+def by_room(*rival_and_tables: Any) -> dict[str, Comparison]:
+    """Form 2's late steps as a multiple of a rival's, in each room. What is given: as for `late_by_room`."""
+    return {room: compare_at_best(*late, len(ROOMS)) for room, late in late_by_room(*rival_and_tables).items()}
 
 
 IN_ROOMS = {
@@ -527,24 +529,27 @@ IN_ROOMS = {
     *(MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN, MECHANISM_ALL, ALL_DRAWN),
 )
 def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
-    """Yes: in all six form 2 is better than independent draws from its own lambdas; partly: in one or more; no: in
-    none, and comparable or worse in each; not shown: something else. Judged under the paper's update; what holds where
-    all weights learn stands beside it.
+    """Yes: in all six form 2 is better than independent draws from its own lambdas, those of the same room and update;
+    partly: in one or more; no: in none, and comparable or worse in each; not shown: something else (k = 6). Judged
+    under the paper's update. Beside it stand other rivals (the best fixed λ of {VALUES}), and what holds where all
+    weights learn. Pooled are the ratios of IQMs, by their geometric mean, over robots, the six rooms fixed.
     """
 
     def words(update: str, of: Any, drawn: Any) -> str:
         told = []
         for label, rival in IN_ROOMS.items():
-            found = by_room(rival, of, drawn, rooms, rooms_drawn, update)
-            each = [one.word for one in found.values()]
+            tables = rival, of, drawn, rooms, rooms_drawn, update
+            each = [one.word for one in by_room(*tables).values()]
             counts = ", ".join(f"{word} in {each.count(word)}" for word in _WORDS if word in each)
-            told.append(f"{label}: {counts} rooms, pooled {pooled(found):.2f}")
+            pooled = pooled_at_best(list(late_by_room(*tables).values()), np.random.default_rng(0), iqm)
+            told.append(f"{label}: {counts} rooms, pooled {pooled:.2f}")
         return "; ".join(told)
 
     found = by_room("i.i.d.", taken, drawn, rooms, rooms_drawn)
     return (
         whether(*found.values()),
-        f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}.",
+        f"{_INTRO} {words('taken', taken, drawn)}. Where all weights learn: {words('all', of_all, drawn_all)}. "
+        "(Pooled: over robots, the six rooms fixed.)",
     )
 
 
@@ -558,25 +563,24 @@ _WORDS = "better", "comparable", "worse", "open"
 )
 def what_decides(*tables: Any) -> Judged:
     """Yes: the rank correlation over the rooms of a measured property with form 2's ratio to independent draws is too
-    large for chance, by the exact permutation test, all properties counted as one family. With six rooms only a perfect
-    order can be, so this explores; short of it the answer is not shown.
+    large for chance, by the exact permutation test, ties included and all properties counted as one family. With six
+    rooms only a perfect order can be, so this explores; short of it the answer is not shown.
     """
     *compared, measured = tables
     effect = [one.typical.value for one in by_room("i.i.d.", *compared).values()]
     names = [name for name in measured if name not in ("condition", "seed")]
     mean = measured.groupby("condition", observed=True)[names].mean().loc[list(ROOMS)]
-    ranks = np.array([np.argsort(np.argsort(order)) for order in permutations(range(len(ROOMS)))])
+    orders = list(permutations(rankdata(effect)))  # the first is the one that is found
     found = {}
     for name in names:
-        rho = spearmanr(mean[name], effect).statistic
-        chance = np.abs([np.corrcoef(one, ranks[0])[0, 1] for one in ranks])
-        found[name] = rho, min(1.0, len(names) * (chance >= abs(rho) - 1e-9).mean())
+        rho, *_ = every = np.corrcoef([rankdata(mean[name]), *orders])[0, 1:]
+        found[name] = rho, min(1.0, len(names) * (abs(every) >= abs(rho) - 1e-9).mean())
     best = max(found, key=lambda name: abs(found[name][0]))
     values = ", ".join(f"{room} {value:.2f}" for room, value in zip(ROOMS, effect, strict=True))
     return (
         "yes" if found[best][1] < 0.05 else "not shown",
-        f"Of {len(names)} properties, `{best}` goes with the effect most (rank correlation {found[best][0]:+.2f}, "
-        f"p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
+        f"Of {len(names)} properties, {PROPERTIES[best]} goes with the effect most (rank correlation "
+        f"{found[best][0]:+.2f}, p = {found[best][1]:.2f} after Bonferroni). The effect: {values}.",
     )
 
 
@@ -584,7 +588,7 @@ def what_decides(*tables: Any) -> Judged:
 def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
     """Form 2 against independent draws, the gate and the opposite gate: of what the atlas decides for the typical robot
     (the interval of the interquartile means leaves out 1) the camera decides the same, yes: all; partly: some; no: one
-    the other way; not shown: none, or there is none. With the camera at the default step size.
+    the other way; not shown: none, or there is none (k = 3). With the camera at the default step size.
     """
     late = {name: of[of.condition == name].sort_values("seed").late.to_numpy(float) for name in CAMERA.conditions}
     late["independent draws"] = drawn.sort_values("seed").late.to_numpy(float)
@@ -605,8 +609,8 @@ def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
 
 @claim("Q30", "is form 2 better than the best fixed λ where λ is known to matter, on the 19-state walk?", WALK)
 def on_the_walk(of: Any) -> Judged:
-    """Yes: its error is less than that of the best fixed lambda, each at its best step size (means and interquartile
-    means); no: comparable or worse.
+    """Its error, the root mean square over the states in the first ten episodes, is less than that of the best fixed λ,
+    each at its best step size.
     """
 
     def errors(rule: str) -> Array:

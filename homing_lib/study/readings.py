@@ -127,7 +127,7 @@ def _told(label: str, found: Comparison) -> str:
 
 @claim("Q10", "does the reward matter?", REWARD, REWARD_LONG)
 def reward_matters(of: Any, long: Any) -> Judged:
-    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps.
+    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps (k = 3).
 
     Yes: all three are better or worse; partly: some are; no: all three are comparable; else not shown.
     """
@@ -152,7 +152,7 @@ def reward_matters(of: Any, long: Any) -> Judged:
 @claim("Q11", "does the initial value carry the learning?", REWARD, INITIAL, REWARD_LONG)
 def initial_value_carries(of: Any, initial: Any, long: Any) -> Judged:
     """Two parts. Without any reward, theta_0 = 1: the last episodes take fewer steps than the first. With the reward
-    as it is, theta_0 = 0: the last episodes take more steps than with theta_0 = 1. Home is bootstrapped in both.
+    as it is, theta_0 = 0: the last episodes take more steps than with theta_0 = 1. Home is bootstrapped in both; k = 2.
 
     Yes: both hold; partly: one; no: neither, and theta_0 = 0 is better or comparable; else not shown.
     """
@@ -173,8 +173,7 @@ def initial_value_carries(of: Any, initial: Any, long: Any) -> Judged:
 
 @claim("Q12", "does the robot loiter in the band that pays?", BAND)
 def band_is_exploited(of: Any) -> Judged:
-    """Steps of a run spent in the band, paid as a multiple of unpaid, in 20 and in 200 episodes.
-
+    """Steps of a run spent in the band, paid as a multiple of unpaid, in 20 and 200 episodes, with three bands (k = 6).
     Yes: more where paid, with the printed band, in either length; partly: with a wider band only; no: everywhere fewer
     or comparable; else not shown.
     """
@@ -199,14 +198,14 @@ def band_is_exploited(of: Any) -> Judged:
 
 
 def steps_in_band(of: Any, length: int, band: float, how: str) -> Array:
-    """Of a whole run. A step is added, so that a robot that was never there can be compared."""
+    """Of a whole run, one number per run."""
     label = f"{length} episodes, band {band:g}, {how}"
-    return 1 + column(of, label, "band") * column(of, label, "total")
+    return column(of, label, "band") * column(of, label, "total")
 
 
 @claim("Q13", "is a bootstrapped home a reward that the robot pays itself?", REWARD)
 def home_pays_itself(of: Any) -> Judged:
-    """Late steps with home masked, as a multiple of bootstrapped, are more; with a bonus of n psi_upper, comparable.
+    """Late steps with home masked, against bootstrapped, are more; with a bonus of n psi_upper, comparable (k = 2).
 
     Yes: both; partly: one; no: masked is better or comparable, or the bonus makes it better or worse; else not shown.
     """
@@ -243,9 +242,8 @@ TO_THE_LETTER = study(
 
 @claim("Q14", "does a robot learn that follows the paper to the letter?", TO_THE_LETTER)
 def learns_to_the_letter(of: Any) -> Judged:
-    """It learns if its last episodes take fewer steps than its first, and than random actions in the same world.
-
-    Yes: at each printed alpha_0 and both temperatures; partly: at some; no: at none, and everywhere one of the two
+    """It learns if its last episodes take fewer steps than its first, and than random actions in the same world. Yes:
+    at each printed alpha_0 and both temperatures (k = 12); partly: at some; no: at none, and everywhere one of the two
     comparisons says worse or comparable; else not shown.
     """
     family = 2 * len(LETTER)
@@ -324,12 +322,12 @@ SNAPSHOTS = study(
 
 @claim("C17", "tens of episodes suffice where the earlier model took hundreds", EARLIER)
 def tens_of_episodes(of: Any) -> Judged:
-    """Of 300 episodes, the first good one (within one and a half times the steps of the last) of this model comes
+    """Of 300 episodes, the first good one (within one and a half times the steps of the last ones) of this model comes
     before the hundredth, and of the earlier, at either step size, not before it: reproduced.
 
     Partly: else, with 20 episodes for its schedule this model takes fewer late steps than the earlier at either step
-    size. Not reproduced: neither, and the earlier's first good episode comes before the hundredth at either step size.
-    Else not shown.
+    size (k = 2). Not reproduced: neither, and the earlier's first good episode comes before the hundredth at either
+    step size. Else not shown.
     """
     models = ["this model", *(f"earlier, {name}" for name in EARLIER_ALPHAS)]
     good = {model: first_good(of, f"{model}, 300 episodes") for model in models}
@@ -371,8 +369,8 @@ def one_snapshot(of: Any) -> Judged:
     """With three, an episode takes more steps: at the same step size, which three times the features make three times
     as large in effect (weak), and at a third of it (strong).
 
-    Reproduced: both; partly: one; not reproduced: neither, and at a third three are better or comparable; else not
-    shown.
+    Reproduced: both (k = 2); partly: one; not reproduced: neither, and at a third three are better or comparable; else
+    not shown.
     """
     weak, strong = (against(of, f"three, {name}", "one", len(EARLIER_ALPHAS)) for name in EARLIER_ALPHAS)
     parts = weak.side == "above", strong.side == "above"

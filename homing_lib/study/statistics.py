@@ -17,6 +17,8 @@ from homing_lib.features import Array
 
 RESAMPLES = 9999
 
+FEWER_RESAMPLES = 2000  # where each of them is dear
+
 MARGIN = 1.25  # steps that differ by no more than this factor, in either direction, are called comparable
 
 
@@ -112,6 +114,29 @@ def ratio_at_best(
     chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100 studies of 50
     runs; if the chosen rows were resampled by the runs that chose them, in 75.
     """
+    found = _at_best(ours, theirs, rng, statistic, RESAMPLES, chosen_by)
+    return Interval(float(found[0]), *np.percentile(found[1:], (2.5 / family, 100 - 2.5 / family)))
+
+
+def pooled_at_best(
+    pairs: Sequence[tuple[ArrayLike, ArrayLike]], rng: np.random.Generator, statistic: Callable[..., Any] = np.mean
+) -> Interval:
+    """Geometric mean of such ratios of several pairs, a room each for instance; runs are resampled, rooms are not: the
+    interval tells of other runs in the same rooms, not of other rooms.
+    """
+    logs = np.mean([np.log(_at_best(*pair, rng, statistic, FEWER_RESAMPLES)) for pair in pairs], axis=0)
+    return Interval(*np.exp([logs[0], *np.percentile(logs[1:], (2.5, 97.5))]))
+
+
+def _at_best(
+    ours: ArrayLike,
+    theirs: ArrayLike,
+    rng: np.random.Generator,
+    statistic: Callable[..., Any],
+    resamples: int,
+    chosen_by: Sequence[ArrayLike] = (),
+) -> Array:
+    """The ratio that is found, and then that of each replicate."""
     both, by = (
         [np.asarray(rows, dtype=np.float64) for rows in of] for of in ((ours, theirs), chosen_by or (ours, theirs))
     )
@@ -123,10 +148,8 @@ def ratio_at_best(
         )
         return np.asarray(our / their)
 
-    (value,) = quotient([runs[None, ::2], runs[None, 1::2]])
-    again = [half[rng.integers(len(half), size=(RESAMPLES, len(half)))] for half in (runs[::2], runs[1::2])]
-    low, high = np.percentile(quotient(again), (2.5 / family, 100 - 2.5 / family))
-    return Interval(float(value), float(low), float(high))
+    again = [half[rng.integers(len(half), size=(resamples, len(half)))] for half in (runs[::2], runs[1::2])]
+    return np.r_[quotient([runs[None, ::2], runs[None, 1::2]]), quotient(again)]
 
 
 def _chosen_by_others(rows: Array, by: Array, halves: Sequence[Any], statistic: Callable[..., Any]) -> Array:

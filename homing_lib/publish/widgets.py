@@ -1,0 +1,105 @@
+"""Controls under which a figure is drawn anew, for lessons; and what they draw: one rule on the walk, and on the robot.
+
+Whoever executes a notebook without watching, such as papermill, gets the figure as it is at first.
+"""
+
+from collections.abc import Callable
+from math import log10
+from typing import Any
+
+import ipywidgets
+import matplotlib.pyplot as plt
+import numpy as np
+from IPython.display import display
+from matplotlib.figure import Figure
+
+from homing_lib import agent
+from homing_lib.publish import figures, plots
+from homing_lib.rooms import room_named
+from homing_lib.settings import Settings
+from homing_lib.study import walk
+
+RULES = {
+    "fixed": "fixed λ",
+    "hestenes-stiefel": "form 1",
+    "fletcher-reeves": "form 2",
+    "polak-ribiere": "form 3",
+    "gate": "gate",
+}
+"""What `rule` may be, and what it is called."""
+
+
+def play(draw: Callable[..., Figure], **start: Any) -> Figure:
+    """A figure, and controls that draw it anew.
+
+    draw takes `rule`, `lambda_`, `step_size` or some of them; start: their first values. Returns the first figure.
+    """
+    controls = {name: _CONTROLS[name](value) for name, value in start.items()}
+    figure = draw(**start)
+    display(ipywidgets.HBox(list(controls.values())))  # type: ignore[no-untyped-call]
+    shown = display(figure, display_id=True)  # type: ignore[no-untyped-call]
+    plt.close(figure)  # it is shown, and the end of the cell would show it once more
+
+    def again(_: Any) -> None:
+        drawn = draw(**{name: control.value for name, control in controls.items()})
+        shown.update(drawn)
+        plt.close(drawn)
+
+    for control in controls.values():
+        control.observe(again, "value")
+    return figure
+
+
+_ASKED: dict[str, Any] = {"continuous_update": False, "style": {"description_width": "initial"}}
+_CONTROLS: dict[str, Callable[[Any], Any]] = {
+    "rule": lambda value: ipywidgets.Dropdown(
+        options=[(name, rule) for rule, name in RULES.items()], value=value, description="rule"
+    ),
+    "lambda_": lambda value: ipywidgets.FloatSlider(
+        value, min=0, max=1, step=0.05, description="λ, or guard", **_ASKED
+    ),
+    "step_size": lambda value: ipywidgets.FloatLogSlider(
+        value,
+        min=log10(value) - 1,
+        max=log10(value) + 1,
+        step=0.1,
+        description="step size",
+        readout_format=".2g",
+        **_ASKED,
+    ),
+}
+
+
+def setting(rule: str, lambda_: float) -> str:
+    """The rule as settings name it. lambda_: the fixed one, or that of a rule where its ratio is 0/0, its guard."""
+    return f"{rule}:{lambda_:g}" if rule == "fixed" else f"{rule}:on_zero={lambda_:g}"
+
+
+REFERENCE = 0.8, 0.3
+"""Lambda and step size of what `on_the_walk` draws for comparison: about the best of the fixed ones."""
+
+
+def on_the_walk(rule: str, lambda_: float, step_size: float) -> Figure:
+    """How a rule learns to predict the random walk, beside a good fixed λ: the error by episode, of ten seeds."""
+    best, top = f"λ = {REFERENCE[0]:g}, step size {REFERENCE[1]:g}", 0.7
+    called = f"λ = {lambda_:g}" if rule == "fixed" else f"{RULES[rule]}, guard {lambda_:g}"
+    ours, theirs = (
+        np.array([walk.learning(name, seed, size) for seed in range(10)])
+        for name, size in ((setting(rule, lambda_), step_size), (setting("fixed", REFERENCE[0]), REFERENCE[1]))
+    )
+    title = f"Mean error {ours.mean():.2g} with {called}, step size {step_size:.2g}; {theirs.mean():.2g} with {best}"
+    tables = {called: np.minimum(ours, top), "for comparison": np.minimum(theirs, top)}
+    return plots.curves({title: tables}, f"error, drawn up to {top:g}", log=False)
+
+
+def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
+    """Five episodes of one run of the robot: its ways home on the compact atlas."""
+    settings = Settings(images="compact", lambda_rule=setting(rule, lambda_), alpha0=step_size)
+    run = agent.run(settings, seed=1)
+    ways = []
+    for number in (1, 2, 5, 10, 20):
+        if number <= len(run.lengths):
+            ways.append((f"episode {number}: {run.lengths[number - 1]} steps", run.episode(number)[:, :2]))
+        else:
+            ways.append((f"episode {number}: weights lost", np.empty((0, 2))))
+    return figures.paths({"one run": ways}, room_named(settings.room))

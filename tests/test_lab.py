@@ -1,0 +1,326 @@
+"""The lab and the exercises check what a student answers, and nothing that a student writes stops a notebook."""
+
+import io
+import re
+import sys
+import zipfile
+from functools import partial
+
+import numpy as np
+import pytest
+
+from homing_lib.publish import handouts, lab
+from homing_lib.study import walk
+from homing_lib.study.rules import Rules
+
+
+@lab.check("1 twice")
+def doubles(function):
+    """It doubles every number.
+
+    No more than that.
+    """
+    for x in np.random.default_rng(0).normal(size=5):
+        lab.expect(function(x), 2 * x, {"You squared it.": x**2}, "Not the double.")
+
+
+ANSWERS = {
+    "proven. It doubles every number.": lambda x: 2 * x,
+    "wrong. You squared it.": lambda x: x * x,
+    "wrong. Not the double.": lambda x: -x,
+    "blank. Nothing is checked yet.": lambda x: ...,
+    "raised. ZeroDivisionError: division by zero": lambda x: 1 / 0,
+}
+
+
+@pytest.mark.parametrize("answer", [None, ..., lambda x: None, lambda x: ...])
+def test_an_answer_that_is_not_there_is_blank(answer):
+    assert doubles.judge(answer).verdict == "blank"
+
+
+@pytest.mark.parametrize("told", ANSWERS)
+def test_each_answer_is_told_in_one_line(told, capsys, monkeypatch):
+    monkeypatch.setattr(lab, "RECORD", {})
+    doubles(ANSWERS[told])
+    assert capsys.readouterr().out == f"1 twice: {told}\n"
+
+
+def test_the_report_says_of_each_check_what_was_found_last(capsys, monkeypatch):
+    other, left = (lab.check(title)(lambda answer: None) for title in ("2 always", "3 left out"))
+    monkeypatch.setattr(lab, "RECORD", {})
+    monkeypatch.setattr(lab, "TASKS", (doubles, other, left))
+    for answer in (ANSWERS["wrong. You squared it."], ANSWERS["proven. It doubles every number."]):
+        doubles(answer)
+    other(...)
+    capsys.readouterr()
+    lab.report()
+    assert capsys.readouterr().out.splitlines() == [
+        "1 twice: proven. It doubles every number.",
+        "2 always: blank. Nothing is checked yet.",
+        "3 left out: blank. Its cell was not run.",
+        "1 of 3 proven.",
+    ]
+
+
+def test_numbers_of_another_shape_are_not_alike_and_rounding_is():
+    assert lab.alike(0.1 + 0.2, 0.3)
+    assert not lab.alike([0.3], 0.3)
+    assert not lab.alike(np.nan, np.nan)
+
+
+# --- The lab: its solutions, and the usual mistakes, each with the hint that it is to get -----------------------------
+
+
+@pytest.fixture(scope="module")
+def solved() -> dict:
+    """What the solutions define, one after the other."""
+    names = {"np": np, "walk": walk, "lab": lab, "seen": lab.parting(28), "found": DRIVEN}
+    for source in handouts.solutions().values():
+        exec(source, names)
+    return names
+
+
+def late(steps):
+    """Twenty robots whose late steps are about these, in episodes that are all alike."""
+    return steps * np.random.default_rng(1).uniform(0.9, 1.1, (20, 1)) * np.ones((1, 5))
+
+
+DRIVEN = Rules({"my rule": late(40), "fixed 0": late(60), "form 2": late(40), "gate": late(25), "the climb": late(41)})
+EPISODE = walk.walks(4)[0]
+
+TASKS = {
+    "trace": (lab.trace, lambda it: (it["trace"],)),
+    "share": (lab.share, lambda it: (it["share_left"],)),
+    "from-beta": (lab.from_beta, lambda it: (it["lambda_of"],)),
+    "form-1": (lab.form_1, lambda it: (it["form_1"],)),
+    "first-reset": (lab.first_reset, lambda it: (it["predicted"], 28)),
+    "guards": (lab.guards, lambda it: (it["same_as"], EPISODE)),
+    "reach": (lab.reach, lambda it: (it["changed"], EPISODE)),
+    "rule": (lab.a_rule, lambda it: (it["my_rule"],)),
+    "read": (lab.read, lambda it: (it["words"], DRIVEN)),
+}
+
+
+def in_place(e, phi, lambda_t, gamma):
+    e *= gamma * lambda_t
+    e += phi
+    return e
+
+
+def ratio(*, delta, delta_prev, **_):
+    return np.divide(delta, delta_prev)
+
+
+def meddling(*, phi, **_):
+    phi *= 2
+    return 0.5
+
+
+def form_1(sign=-1, change=lambda g, g_prev, delta: g - g_prev, along="phi", of="trace_prev", gamma=True):
+    """Form 1 with something the wrong way."""
+
+    def rule(**step):
+        g, g_prev = step["delta"] * step["phi"], step["delta_prev"] * step["phi_prev"]
+        turn = change(g, g_prev, step)
+        above = turn @ (g if along == "g" else step[along])
+        return sign * above / ((step["discount"] if gamma else 1) * (turn @ step[of]))
+
+    return rule
+
+
+MISTAKES = {
+    lab.trace: {
+        "γ is missing": lambda e, phi, lambda_t, gamma: lambda_t * e + phi,
+        "λ is missing": lambda e, phi, lambda_t, gamma: gamma * e + phi,
+        "The new feature has faded": lambda e, phi, lambda_t, gamma: gamma * lambda_t * (e + phi),
+        "Nothing is left": lambda e, phi, lambda_t, gamma: phi,
+        "no average": lambda e, phi, lambda_t, gamma: gamma * lambda_t * e + (1 - gamma * lambda_t) * phi,
+        "array e itself was changed": in_place,
+        "not the sum": lambda e, phi, lambda_t, gamma: gamma * lambda_t * e - phi,
+    },
+    lab.share: {
+        "γ is missing": lambda lambdas, gamma: np.prod(lambdas),
+        "γ counts once": lambda lambdas, gamma: gamma * np.prod(lambdas),
+        "power of one λ": lambda lambdas, gamma: (gamma * lambdas[-1]) ** len(lambdas),
+        "multiplied, not added": lambda lambdas, gamma: gamma * sum(lambdas),
+        "power of the mean": lambda lambdas, gamma: (gamma * np.mean(lambdas)) ** len(lambdas),
+        "another share": lambda lambdas, gamma: np.prod(gamma * lambdas[1:]),
+    },
+    lab.from_beta: {
+        "γ is missing": lambda beta, delta, delta_prev, gamma: beta * delta_prev / delta,
+        "upside down": lambda beta, delta, delta_prev, gamma: beta * delta / (gamma * delta_prev),
+        "wrong side of the fraction": lambda beta, delta, delta_prev, gamma: beta * gamma * delta_prev / delta,
+        "β is the share of the old direction": lambda beta, delta, delta_prev, gamma: beta,
+        "Put e = ": lambda beta, delta, delta_prev, gamma: -beta * delta_prev / (gamma * delta),
+    },
+    lab.form_1: {
+        "The minus is missing": form_1(sign=1),
+        "γ is missing": form_1(gamma=False),
+        "the error of its own step": form_1(change=lambda g, g_prev, step: g - step["delta"] * step["phi_prev"]),
+        "not for the feature before": form_1(of="phi_prev"),
+        "δ once too often": form_1(along="g"),
+        "not at right angles": form_1(along="phi_prev"),
+    },
+    lab.first_reset: {
+        "at the first step there is no step before": (1, 28),
+        "one too early": (5, 28),
+        "it was below 0 already": (8, 28),
+        "γ is missing": (7, 36),
+        "too late": (7, 28),
+        "within \\[0, 1\\], and none left it before": (3, 28),
+        "a step is one of": (0, 28),
+    },
+    lab.guards: {
+        "not the one that is lost": ({0: 1, 0.8: 0.2, 1: 0}, EPISODE),
+        "the guard stands in": ({0: 0, 0.8: 0, 1: 0}, EPISODE),
+        "do not all act alike": ({0: 0.8, 0.8: 0.8, 1: 0.8}, EPISODE),
+        "what are δ and the δ before": ({0: 0, 0.8: 0.5, 1: 1}, EPISODE),
+        "is missing": ({0: 0, 1: 1}, EPISODE),
+        "a number from 0 to 1": ({0: "zero", 0.8: 0.8, 1: 1}, EPISODE),
+    },
+    lab.reach: {
+        "something is learnt": ({0: 0, 0.8: 10, 1: 10}, EPISODE),
+        "the last feature alone": ({0: 10, 0.8: 10, 1: 10}, EPISODE),
+        "is one state": ({0: 1, 0.8: 10, 1: len(EPISODE) - 1}, EPISODE),
+        "not visited": ({0: 1, 0.8: 10, 1: 19}, EPISODE),
+        "never quite": ({0: 1, 0.8: 5, 1: 10}, EPISODE),
+        "only states on the way": ({0: 1, 0.8: 12, 1: 10}, EPISODE),
+        "is missing": ({0: 1, 1: 10}, EPISODE),
+    },
+    lab.a_rule: {
+        "called by keyword": lambda delta, delta_prev: 0.5,
+        "divides by 0": ratio,
+        "Cut to \\[0, 1\\] last": lambda *, delta, delta_prev, **_: 2 * min(1, abs(delta / delta_prev)),
+        "below 0": lambda *, delta, delta_prev, **_: min(1, delta / delta_prev),
+        "an array": lambda *, phi, **_: np.clip(phi, 0, 1),
+        "It changes phi": meddling,
+    },
+    lab.read: {
+        "fixed 0: the wrong way round": (
+            {"fixed 0": "worse", "form 2": "tie", "gate": "better", "the climb": "tie"},
+            DRIVEN,
+        ),
+        "form 2: .* chance": ({"fixed 0": "better", "form 2": "better", "gate": "worse", "the climb": "tie"}, DRIVEN),
+        "gate: .* something may be said": (
+            {"fixed 0": "better", "form 2": "tie", "gate": "tie", "the climb": "tie"},
+            DRIVEN,
+        ),
+        "the climb is missing": ({"fixed 0": "better", "form 2": "tie", "gate": "worse"}, DRIVEN),
+        "say better": ({"fixed 0": "faster", "form 2": "tie", "gate": "worse", "the climb": "tie"}, DRIVEN),
+    },
+}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_each_solution_is_proven(name, solved):
+    task, answers = TASKS[name]
+    assert str(task.judge(*answers(solved))).startswith(f"{task.title}: proven. {task.proves}")
+
+
+@pytest.mark.parametrize(
+    ("task", "hint"),
+    [(task, hint) for task, hints in MISTAKES.items() for hint in hints],
+    ids=lambda it: getattr(it, "title", it),
+)
+def test_each_usual_mistake_gets_a_hint_of_its_own(task, hint):
+    answers = MISTAKES[task][hint]
+    found = task.judge(*(answers if isinstance(answers, tuple) else (answers,)))
+    assert found.verdict == "wrong"
+    own = [one for one in MISTAKES[task] if re.search(one, found.told, re.I)]
+    assert own == [hint], found.told
+
+
+def test_each_check_of_the_lab_says_what_it_proves_and_three_mistakes_of_each_are_recorded():
+    assert all(task.proves.endswith(".") for task in lab.TASKS)
+    assert {task for task in MISTAKES if len(MISTAKES[task]) >= 3} == {*lab.TASKS} - {lab.race}
+    assert len(RACED) >= 3
+
+
+RACED = {
+    "it has no λ": lambda *, delta, delta_prev, **_: 0.9 if delta / delta_prev > 0 else 0.5,
+    "it forgets too soon": lambda *, delta, delta_prev, **_: 0.9 if delta * delta_prev > 0 else 0.0,
+    "it never forgets": lambda **_: 1.0,
+}
+
+
+@pytest.mark.parametrize("hint", RACED)
+def test_a_rule_that_loses_the_race_hears_its_interval_and_why(hint):
+    with pytest.raises(lab.Wrong) as lost:
+        lab.raced(RACED[hint], judge=range(1000, 1006), choose=range(2))
+    told = str(lost.value)
+    assert re.match(r"Its error is \d\.\d\d \[.*\] .* of that of λ = \.8, at α = [\d.]+: worse\. ", told)
+    assert [one for one in RACED if one in told] == [hint]
+
+
+# --- The lab as a whole, and its archives ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Runs the code of the lab with some answers, on few walks and seeds; returns what its last cell printed."""
+    race = walk.race
+    monkeypatch.setattr(walk, "race", lambda rules, *_, **__: race(rules, range(2), range(1000, 1006), (0.1, 0.3)))
+    monkeypatch.setattr(lab, "robot", partial(lab.robot, seeds=range(2)))
+    monkeypatch.setattr(lab, "RECORD", {})
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+
+    def run(answers):
+        names = {}
+        for cell in handouts.filled(answers).cells:
+            if cell.cell_type == "code":
+                capsys.readouterr()
+                exec(cell.source, names)
+        return capsys.readouterr().out.splitlines()
+
+    return run
+
+
+def test_with_the_solutions_the_lab_runs_to_its_last_cell_and_proves_everything(run):
+    *found, last = run(handouts.solutions())
+    assert [re.match(r".*?: (\w+)\. ", line)[1] for line in found] == ["proven"] * len(lab.TASKS)
+    assert last == "10 of 10 proven."
+
+
+def test_left_blank_the_lab_runs_to_its_last_cell_and_says_so(run):
+    *found, last = run({})
+    assert found == [f"{task.title}: blank. Nothing is checked yet." for task in lab.TASKS]
+    assert last == "0 of 10 proven."
+
+
+def test_what_does_not_even_run_is_told_and_stops_nothing_after_it(run):
+    broken = "def my_rule(**step):\n    return 1 + step['delta_before']"
+    *found, last = run(handouts.solutions() | {"rule": broken})
+    assert [line for line in found if "proven" not in line] == [
+        f"{task.title}: raised. KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)
+    ]
+    assert last == "8 of 10 proven."
+
+
+def test_each_cell_to_fill_has_a_solution_and_the_students_archive_none():
+    packed = handouts.students()
+    given = packed["lab.ipynb"].decode()
+    to_fill = [cell.id for cell in handouts.filled({}).cells if "answer" in cell.metadata.get("tags", [])]
+    assert to_fill == list(handouts.solutions())
+    for source in handouts.solutions().values():
+        answers = [
+            line for line in source.splitlines() if "return" in line or line.startswith(("predicted", "visited"))
+        ]
+        assert not [line for line in answers if line.strip() in given]
+    assert not [name for name in packed if "teacher" in name or "tests" in name]
+
+
+def test_the_lab_says_of_each_task_what_is_learnt_and_its_minutes_and_they_are_ninety():
+    prose = [cell.source for cell in handouts.filled({}).cells if cell.cell_type == "markdown"]
+    tasks = [text for text in prose if re.match(r"## \d", text)]
+    minutes = [int(re.match(r"## \d · .* \((\d+) minutes\)\n\n\*\*You learn\*\* ", text)[1]) for text in tasks]
+    assert sum(minutes) == 90
+    rows = re.findall(r"^\| (\d · .*?) \| (\d+) \|", handouts.GUIDE.read_text(encoding="utf-8"), re.M)
+    assert [(re.match(r"## (.*) \(", text)[1], str(one)) for text, one in zip(tasks, minutes, strict=True)] == rows
+
+
+def test_an_archive_of_the_same_files_is_the_same_to_the_byte_and_holds_one_folder():
+    files = {"b": b"2", "a/c": b"1"}
+    once, again = handouts.archive("lab", files), handouts.archive("lab", dict(reversed(files.items())))
+    assert once == again
+    with zipfile.ZipFile(io.BytesIO(once)) as packed:
+        assert {name: packed.read(name) for name in packed.namelist()} == {"lab/a/c": b"1", "lab/b": b"2"}

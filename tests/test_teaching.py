@@ -1,0 +1,89 @@
+"""The page for teachers: its minutes add up, its links lead somewhere, and the demonstration opens as they say."""
+
+import json
+import re
+
+import pytest
+
+from homing_lib.__main__ import main
+from homing_lib.publish import page
+from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
+
+TEACHING = (ROOT / "notebooks/TEACHING.md").read_text(encoding="utf-8")
+LINKS = sorted(set(re.findall(r"\]\(([^)]+)\)", TEACHING)))
+STATES = [link.partition("#")[2] for link in LINKS if "#" in link]
+LECTURES = {"Lecture 1": "blame", "Lecture 2": "matter"}
+LAB = ROOT / "notebooks/lab.ipynb"
+
+# What of a browser's addresses the page uses.
+ADDRESSES = """
+class URLSearchParams {
+  constructor(text = "") {
+    const pairs = String(text).split("&").filter(Boolean).map((one) => one.split("="));
+    this.told = new Map(pairs.map((pair) => pair.map((part) => decodeURIComponent(part.replaceAll("+", " ")))));
+  }
+  set(name, value) { this.told.set(name, String(value)); }
+  toString() { return [...this.told].map((pair) => pair.map(encodeURIComponent).join("=")).join("&"); }
+  [Symbol.iterator]() { return this.told[Symbol.iterator](); }
+}
+"""
+
+
+def timetable(of: str) -> list[tuple[range, range]]:
+    """Of a lecture or the lab: the minutes and the slides or tasks of each row."""
+    rows = re.search(rf"^\| {of} \|.*\n\|---.*\n((?:\|.*\n)+)", TEACHING, re.MULTILINE)[1].splitlines()
+    cells = [[re.findall(r"\d+", cell) for cell in row.split("|")[1:3]] for row in rows]
+    return [(range(int(start), int(end)), range(int(parts[0]), int(parts[-1]) + 1)) for (start, end), parts in cells]
+
+
+@pytest.mark.parametrize(("of", "minutes"), [("Lecture 1", 45), ("Lecture 2", 45), ("Lab", 90)])
+def test_a_timetable_leaves_no_minute_and_no_slide_or_task_out(of, minutes):
+    rows = timetable(of)
+    assert [minute for time, _ in rows for minute in time] == list(range(minutes))
+    parts = [part for _, some in rows for part in some]
+    if of in LECTURES:
+        slides = (ROOT / f"paper/lectures/{LECTURES[of]}.tex").read_text(encoding="utf-8").count(r"\begin{frame}")
+        assert parts == list(range(1, slides + 1))
+    else:
+        assert parts == list(range(1, 7))
+
+
+@pytest.mark.skipif(not LAB.exists(), reason="no lab here")
+def test_the_lab_takes_as_long_as_its_own_headings_say():
+    headings = re.findall(r"## (\d) · [^\"\\]*\((\d+) minutes\)", LAB.read_text(encoding="utf-8"))
+    assert [(list(task), len(time)) for time, task in timetable("Lab")] == [([int(n)], int(m)) for n, m in headings]
+
+
+@pytest.mark.parametrize("link", [link for link in LINKS if "#" not in link])
+def test_what_it_links_is_there(link):
+    assert (ROOT / "notebooks" / link).exists()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_demonstration_understands_every_state_that_it_is_opened_in(state):
+    mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
+    engine = mini_racer.MiniRacer()
+    data = {"settings": Settings(images="compact").model_dump(mode="json")}
+    engine.eval(f"{ADDRESSES}\n{page.scripts()}\nconst DATA = {json.dumps(data)};\n{page.source('state.js')}")
+    assert engine.eval("readAddress('#nonsense=1&rule=magic')") != ""
+    assert engine.eval(f"readAddress({json.dumps('#' + state)})") == ""
+    assert engine.eval("readOwn()") == ""
+    wanted = dict(part.split("=") for part in state.split("&"))
+    assert {name: engine.eval(f"encodeURIComponent(state[{json.dumps(name)}])") for name in wanted} == {
+        name: value.replace(":", "%3A") for name, value in wanted.items()
+    }
+    engine.close()
+
+
+def test_the_set_up_check_is_one_command_that_ends_with_how_often_the_robot_found_home(capsys):
+    (command,) = re.findall(r"^    .venv/bin/homing (.*)$", TEACHING, re.MULTILINE)
+    assert main(command.split()) in (0, None)
+    assert re.fullmatch(r"home reached in \d of 3 episodes", capsys.readouterr().out.splitlines()[-1])
+
+
+def test_no_finding_is_typed():
+    """Decimals are settings of the demonstration, percentages and intervals would be findings."""
+    words = re.sub(r"\]\([^)]*\)", "]", TEACHING)
+    assert set(re.findall(r"\d+\.\d+", words)) <= {"0.9", "0.8", "0.7"}
+    assert not re.search(r"\d ?%|\[\d+\.\d", words)
