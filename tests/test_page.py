@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from homing_lib import agent
 from homing_lib.agent import STEP_COLUMNS
@@ -18,6 +20,7 @@ from homing_lib.publish import page
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures
+from homing_lib.study.statistics import iqm
 from homing_lib.td import LinearTD
 
 mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
@@ -196,8 +199,7 @@ def test_a_robot_that_starts_elsewhere_or_is_kidnapped_goes_the_same_way(engine)
         f"""(() => {{
           const experiment = run(world, {SMALL.model_dump_json()}, {seed});
           const pose = ([x, y, heading]) => ({{ x, y, heading }});
-          experiment.settings.episodes++;
-          experiment.agent.settings = {{ ...experiment.settings, episodes: {SMALL.episodes} }};
+          experiment.total++;
           experiment.env.start = pose({json.dumps(start)});
           for (let step = 0; step < 8; step++) experiment.step();
           experiment.kidnap(pose({json.dumps(away)}));
@@ -262,6 +264,10 @@ OWN = {
             0.5 if delta_prev > 0 and delta > 0 else float(dot(phi, trace_prev)) / 1000 % 1
         )
     ),
+    "δ × |φ|² / (γ · δ₋ × φ₋·φ₋)": RULES["fletcher-reeves"],
+    "(δ − δ₋) > 0 and dot(e₋, φ) > 0": lambda delta, delta_prev, phi, trace_prev, **_: (
+        delta - delta_prev > 0 and float(dot(trace_prev, phi)) > 0
+    ),
     "1 / (delta - delta)": lambda delta, **_: 1 / (delta - delta),
 }
 
@@ -289,6 +295,7 @@ def test_a_rule_of_ones_own_is_the_same_in_both_languages(engine, text):
         ("constructor", "“constructor” is not known"),
         ("alert(1)", "“alert” is not known"),
         ("delta *", "Something is missing at the end"),
+        ("foo", "“foo” is not known. There are"),
     ],
 )
 def test_what_is_wrong_with_a_rule_is_said_in_a_sentence(engine, text, said):
@@ -303,6 +310,46 @@ def test_what_is_wrong_with_a_rule_is_said_in_a_sentence(engine, text, said):
     )
     assert told[0]
     assert said in told[1]
+
+
+def test_a_rule_that_always_divides_by_zero_is_told_from_one_that_may(engine):
+    told = engine(
+        """["1 / 0", "log(-1)", "delta / delta_prev", "1 / (delta + delta_prev)"]
+        .map((text) => neverDefined(ownRule(text)))"""
+    )
+    assert told == [True, True, False, False]
+
+
+# --- Rules beside each other -----------------------------------------------------------------------------------------
+
+
+def test_a_rule_beside_another_is_written_as_in_the_settings(engine):
+    texts = ["gate", "gate:opposite:on_zero=0.5", "fixed:0.9:unclipped", "own:on_zero=1:unclipped:delta > 0 ? 2 : 0"]
+    told = engine(
+        f"""{json.dumps(texts)}.map(ruleOf).map(({{ setting, rule, onZero, clip }}) =>
+            [setting, onZero, clip, rule({{ delta: 1, deltaPrev: -1 }})])"""
+    )
+    assert told == [
+        ["gate", 0, True, 0],
+        ["gate:opposite:on_zero=0.5", 0.5, True, 1],
+        ["fixed:0.9:unclipped", 0, False, 0.9],
+        ["fixed:0:on_zero=1:unclipped", 1, False, 2],
+    ]
+
+
+@pytest.mark.parametrize("text", ["magic", "fixed:2", "gate:on_zero=7", "gate:on_zero=x", "own:alert(1)", "own:"])
+def test_what_is_no_rule_is_refused_in_a_sentence(engine, text):
+    assert engine(f"(() => {{ try {{ ruleOf({json.dumps(text)}); }} catch (error) {{ return error.message; }} }})()")
+
+
+@given(st.lists(st.integers(0, 2000), min_size=1, max_size=12))
+def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
+    rng = np.random.default_rng(0)
+    draws = [[rng.integers(len(values)) for _ in values] for _ in range(400)]
+    again = iqm(np.array(values, float)[draws], axis=1)
+    told = engine(f"typical({values})")
+    assert told["value"] == pytest.approx(iqm(values))
+    np.testing.assert_allclose([told["low"], told["high"]], np.percentile(again, (2.5, 97.5)))
 
 
 # --- The file --------------------------------------------------------------------------------------------------------

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from homing_lib import agent
 from homing_lib.publish.page import PAGE
 from homing_lib.settings import Settings
+from homing_lib.study import mechanism
 from tests.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
@@ -49,7 +51,7 @@ def test_twenty_episodes_are_played_as_the_library_plays_them(browser):
     browser.until("!player.mode")
     ours = agent.run(Settings(images="compact", lambda_rule="hestenes-stiefel"), 3)
     assert browser(STEPS) == ours.lengths.tolist()
-    assert browser("at('r-curve').getAttribute('aria-label')").startswith("The first five episodes take")
+    assert browser("at('r-curve').getAttribute('aria-label')").startswith("Seed 3 only: the first 5 episodes take")
 
 
 def test_an_address_leads_back_to_the_same_moment(browser):
@@ -78,11 +80,149 @@ def test_a_rule_of_ones_own_is_typed_and_a_wrong_one_is_explained(browser):
     browser.type("0.5 if dlta > 0 else 0")
     browser.until("at('own-error').textContent")
     assert "Did you mean delta?" in browser("at('own-error').textContent")
+    assert browser("ruleName()") == "your last readable rule"
     browser("at('own').select()")
     browser.type("0.25")
     browser.until("!at('own-error').textContent")
     browser.click("#walk-one")
     assert browser("walkView.steps.slice(1).every((step) => step.lambda === 0.25)")
+
+
+def test_an_address_holds_the_rule_that_is_at_work_not_what_cannot_be_read(browser):
+    opened(browser, "rule=own&own=exp(delta)&at=30")
+    deltas = "JSON.stringify(walkView.steps.map((step) => [step.delta, step.lambda]))"
+    before = browser(deltas)
+    browser.click("#own")
+    browser("at('own').select()")
+    browser.type("trace_prev[0]")
+    browser.until("at('own-error').textContent")
+    link = browser("address()")
+    opened(browser, link.removeprefix("#"))
+    assert browser("at('own').value") == "exp(delta)"
+    assert browser(deltas) == before
+
+
+def test_a_rule_is_compared_over_seeds_with_those_chosen_before_it(browser):
+    """The links to try lead there, every run is the library's, and the title holds what they come to."""
+    opened(browser, "view=robot")
+    for link in ("gate", "gate:opposite"):
+        browser(f"document.querySelector('[data-for=robot] li a[href*=\"rule={link}&\"]').click()")
+        browser.until(f"!player.mode && state.rule === '{link}' && robotView.experiment.done && !jobs.has('seeds')")
+    assert browser("kept()") == ["fletcher-reeves", "gate"]
+    assert browser("at('r-curve').getAttribute('aria-label')").startswith("Seed 1 only: ")
+    opened(browser, browser("address()").removeprefix("#") + "&seeds=2")
+    browser.until("!robotView.working")
+    lates = {}
+    for rule in ("fletcher-reeves", "gate", "gate:opposite"):
+        runs = [agent.run(Settings(images="compact", lambda_rule=rule), seed).lengths.tolist() for seed in (1, 2)]
+        assert browser(f"robotView.rows('{rule}')") == runs
+        lates[rule] = np.mean(runs, axis=0)[-5:].mean()
+    told = browser("at('r-curve').getAttribute('aria-label')")
+    assert "seeds 1 to 2: " in told
+    for rule, late in lates.items():
+        name = browser(f"nameOf('{rule}')")
+        assert f"{late:.3g} with {name}" in told
+
+
+def test_ten_seeds_run_between_frames_and_can_be_stopped(browser):
+    opened(browser, "view=robot")
+    browser.until("!jobs.size")
+    browser.click("#robot-seeds")
+    browser.until("robotView.rows(chosen()).length >= 1")
+    assert browser("at('robot-seeds').textContent").startswith("Stop ")
+    measure = """Array.from({ length: 7 }, () => {
+      const from = performance.now();
+      goOn();
+      return performance.now() - from;
+    }).toSorted((a, b) => a - b)[3]"""
+    assert browser(measure) < 1000 / 60
+    browser.click("#robot-seeds")
+    done = browser("robotView.rows(chosen()).length")
+    assert 1 <= done < 10
+    assert browser("state.seeds") == done
+    assert f"&seeds={done}" in browser("address()")
+    assert not browser("jobs.has('seeds')")
+
+
+def test_at_most_three_rules_are_kept_and_each_can_be_dropped(browser):
+    opened(browser, "rule=fixed&lambda=0.5")
+    for rule in ("gate", "inverse", "absolute", "polak-ribiere", "gate"):
+        browser(f"at('rule').value = '{rule}'; at('rule').dispatchEvent(new Event('change'))")
+    assert browser("compared().map((one) => one.name)") == ["inverse", "absolute", "form 3", "gate"]
+    browser.until("walkView.runs('absolute', state.alpha, WALKS).length")
+    browser.click("#kept button")
+    assert browser("kept()") == ["absolute", "polak-ribiere"]
+    opened(browser, browser("address()").removeprefix("#"))
+    assert browser("kept()") == ["absolute", "polak-ribiere"]
+    opened(browser, "with=magic;gate")
+    assert "with: there is no lambda rule “magic”" in browser("at('message').textContent")
+    assert browser("kept()") == ["gate"]
+
+
+@pytest.mark.parametrize("rule", ["gate", "gate:opposite", "fletcher-reeves&reset=0"])
+def test_a_trace_of_one_has_the_same_colour_with_every_rule(browser, rule):
+    """And the value is told of the cell that is clicked."""
+    opened(browser, f"rule={rule}&at=300")
+    browser("new Promise((done) => setTimeout(done, 300))")
+    step, row, x, y, pixel = browser(
+        """(() => {
+          const { canvas } = walkView.trace, { steps } = walkView, u = unit();
+          const { x } = timeAxis(canvas.clientWidth, steps.length);
+          const step = steps.findLastIndex((one, k) => k < steps.length - 1 && one.trace.includes(1));
+          const row = steps[step].trace.indexOf(1), [top, bottom] = [44 * u, 0.5 * canvas.clientHeight];
+          const [px, py] = [x(step), bottom - ((row + 0.5) * (bottom - top)) / STATES];
+          const { data } = canvas.getContext("2d").getImageData(px * devicePixelRatio, py * devicePixelRatio, 1, 1);
+          canvas.scrollIntoView({ block: "center" });
+          const moved = canvas.getBoundingClientRect();
+          return [step, row, moved.x + px, moved.y + py, [...data].slice(0, 3)];
+        })()"""
+    )
+    one = browser("DATA.cividis.at(-1)")
+    assert pixel == [int(one[k : k + 2], 16) for k in (1, 3, 5)]
+    browser.drag((x, y))
+    browser.until("state.row >= 0")
+    browser("new Promise((done) => setTimeout(done, 100))")
+    assert f"The error of step {step + 1} changes" in browser("at('w-trace').getAttribute('aria-label')")
+    assert f"the trace of state {row} is 1." in browser("at('w-trace').getAttribute('aria-label')")
+
+
+def test_the_walk_says_what_it_measures_and_measures_it_as_the_stored_study(browser):
+    opened(browser, "rule=gate&with=gate:opposite")
+    browser("drained(walkView.comparing())")
+    browser("new Promise((done) => setTimeout(done, 100))")
+    assert browser("at('w-error').getAttribute('aria-label')").startswith("At α = 0.1, error after 30 walks")
+    assert browser("at('w-best').getAttribute('aria-label')").startswith(
+        "Each at its best step size, over the first 10"
+    )
+    assert "over the first ten walks at its best step size" in browser("at('walk-claims').textContent")
+    browser("walkView.known.forEach((runs) => runs.splice(2))")
+    for rule in ("gate", "gate:opposite"):
+        stored = [mechanism.walk(Settings(lambda_rule=rule), 1000 + seed)["error"] for seed in range(2)]
+        theirs = browser(f"walkView.sweep('{rule}').map((one) => one.error)")
+        assert theirs == pytest.approx(np.mean(stored, axis=0).tolist(), abs=1e-12)
+
+
+def test_a_trained_robot_is_kidnapped_and_keeps_what_it_has_learnt(browser):
+    opened(browser, "view=robot&made=50000&seed=2")
+    trained, lengths = browser("[...robotView.experiment.agent.learner.weights]"), browser(STEPS)
+    browser.click("#robot-kidnap")
+    assert browser("at('message').textContent") == ""
+    assert browser("robotView.experiment.underWay && robotView.experiment.episodes.length") == 20
+    browser("new Promise((done) => setTimeout(done, 100))")
+    told = browser("at('r-room').getAttribute('aria-label')")
+    assert told.startswith("Episode 21, with what was learnt in 20, carried away after step 1: similarity ")
+    assert told.split("similarity ")[1][:5] == browser("at('r-view').getAttribute('aria-label')").split()[4]
+    changed = browser("[...robotView.experiment.agent.learner.weights]")
+    assert np.count_nonzero(np.array(changed) != trained) <= len(trained) / 3
+    browser.click("#robot-one")
+    assert browser(STEPS)[:20] == lengths
+    assert browser("robotView.experiment.episodes.length") == 21
+    opened(browser, browser("address()").removeprefix("#"))
+    assert browser("robotView.experiment.episodes.length") == 21
+    browser.click("#robot-play")
+    browser.until("robotView.experiment.steps.length >= 1 && robotView.experiment.underWay")
+    browser.click("#robot-play")
+    assert browser("robotView.experiment.episodes.length") == 21
 
 
 def test_the_start_is_dragged_and_a_robot_under_way_is_kidnapped(browser):
@@ -144,6 +284,11 @@ def test_every_control_has_a_name_and_every_text_a_contrast(browser, view, theme
     assert unnamed == []
     faint = browser(
         """(() => {
+          for (const name of ["blue", "orange", "green", "pink", "soft"]) { // labels of curves, as on a canvas
+            const style = `color: var(--${name}-text)`;
+            const label = Object.assign(document.createElement("i"), { textContent: name, style });
+            document.querySelector(`#${state.view} figure`).append(label);
+          }
           const light = (rgb) => {
             const linear = (c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
             const [r, g, b] = rgb.match(/[\\d.]+/g).map((c) => linear(c / 255));
@@ -183,7 +328,7 @@ def test_picture_and_data_are_saved_and_the_data_are_the_run(browser, tmp_path):
     browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     browser.click("#save-data")
     browser.click("#save-picture")
-    table, sheet = tmp_path / "homing-robot.csv", tmp_path / "homing-robot.png"
+    table, sheet = (tmp_path / f"homing-robot-fletcher-reeves-seed-1.{kind}" for kind in ("csv", "png"))
     for _ in range(100):
         browser("new Promise((done) => setTimeout(done, 100))")
         if table.exists() and sheet.exists():
@@ -194,7 +339,9 @@ def test_picture_and_data_are_saved_and_the_data_are_the_run(browser, tmp_path):
     assert header.startswith("episode,step,x,y")
     run = agent.run(Settings(images="compact", episodes=20), 1)
     assert [float(row.split(",")[8]) for row in rows] == pytest.approx(run.column("delta")[:60].tolist(), abs=1e-9)
-    assert sheet.read_bytes().startswith(b"\x89PNG")
+    png = sheet.read_bytes()
+    assert png.startswith(b"\x89PNG")
+    assert int.from_bytes(png[16:20], "big") >= 2 * 2 * 600  # two columns, two pixels for one
 
 
 def test_the_page_paints_within_two_seconds_and_a_frame_within_a_sixtieth(browser):
@@ -224,7 +371,7 @@ def test_a_gate_on_the_sign_cuts_the_trace_where_the_error_turns(browser):
     browser.until("!player.mode")
     browser("at('rule').value = 'gate:opposite'; at('rule').dispatchEvent(new Event('change'))")
     browser.until("!player.mode && robotView.experiment.done")
-    assert browser("robotView.before.name") == "gate"
+    assert browser("kept()") == ["gate"]
 
 
 def pictures(folder: Path) -> None:

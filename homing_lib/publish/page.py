@@ -18,12 +18,13 @@ from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, missing, write_bytes
 from homing_lib.study import claims
+from homing_lib.study.mechanism import WALK_STEP_SIZES
 from homing_lib.surfaces import Image, paint
 
 SOURCES = ROOT / "notebooks" / "demo"
 PAGE = ROOT / "notebooks" / "executed" / "demo.html"
 
-CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "camera.js")
+CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "compare.js", "camera.js")
 """The model in JavaScript, in the order in which it is read; it needs no browser."""
 
 VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
@@ -31,6 +32,12 @@ VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
 
 SHOWN = {"walk": ("C1", "Q30"), "robot": ("C3", "C8", "C9", "Q3", "Q5", "Q20")}
 """The claims and questions that a view is about."""
+
+READING = (
+    "Square brackets hold 95 % intervals. Ratios are of interquartile means and, in round brackets, of means; rules "
+    "are compared each at its best step size. Late steps: those of the last five episodes."
+)
+"""How the verdicts are read."""
 
 SIDE = 128  # texels along a texture's side, every second one: an average would have no grain
 
@@ -57,6 +64,8 @@ def build() -> str:
         "cividis": [
             matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps["cividis"](np.arange(0, 256, 4))
         ],
+        "stepSizes": WALK_STEP_SIZES,
+        "reading": READING,
         "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }
     parts = {

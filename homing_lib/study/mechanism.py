@@ -623,5 +623,6 @@ def on_the_walk(of: Any) -> Judged:
     listed = ", ".join(f"{rule} {least[rule]:.2f}" for rule in sorted(least, key=lambda rule: least[rule]))
     return (
         whether(found),
-        f"Its error is {found:.2f} of the best fixed one's ({found.word}). Each rule's least mean error: {listed}.",
+        f"Its error is {found:.2f} of the best fixed one's ({found.word}). Each rule's least mean error, over the "
+        f"first ten walks at its best step size: {listed}.",
     )

@@ -350,7 +350,7 @@ def from_the_usual_start(of: Any, nearest: Any) -> Judged:
     learnt = ", ".join(f"{room} {per_run(trials(of, f'{room}, after 20', usual=True)).mean():.0f}" for room in ROOMS)
     return (
         in_rooms(list(found.values())),
-        f"Steps of the climb's: {_told(found)}. In steps: {learnt}; the shortest way: {least}.",
+        f"Steps of the climb's: {_told(found)}. Mean steps after learning: {learnt}; of the shortest way: {least}.",
     )
 
 

@@ -77,6 +77,7 @@ class Experiment {
   constructor(world, settings, seed, ownRule, model) {
     const [surveySeed, agentSeed, worldSeed] = new SeedSequence(seed).spawn(3);
     this.settings = settings;
+    this.total = settings.episodes; // more may follow the training: exploration and step size fall on
     this.env = new HomingEnv(world, settings, surveySeed, worldSeed.generateState(1)[0], model);
     this.agent = new CONTROLLERS[settings.controller](settings, world.bins, new Generator(agentSeed), ownRule);
     this.episodes = [];
@@ -85,7 +86,7 @@ class Experiment {
   }
 
   get done() {
-    return !this.underWay && (this.diverged > 0 || this.episodes.length >= this.settings.episodes);
+    return !this.underWay && (this.diverged > 0 || this.episodes.length >= this.total);
   }
 
   begin() {
@@ -147,7 +148,9 @@ function run(world, settings, seed, ownRule) {
 }
 
 // The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures.
-function shortest(env) {
+const shortest = (env) => drained(searching(env));
+
+function* searching(env) {
   const { world, settings, psi } = env;
   const commands = wheelCommands(settings);
   const seen = new Set();
@@ -155,6 +158,7 @@ function shortest(env) {
   for (let steps = 1; steps <= settings.max_steps && frontier.length; steps++) {
     const reached = [];
     for (const pose of frontier) {
+      yield;
       for (const [left, right] of commands) {
         const [there, stopped] = drive(pose, left, right, settings.wheel_base_m, world);
         const turn = ((rounded(there.heading / (Math.PI / 18)) % 36) + 36) % 36;

@@ -23,11 +23,15 @@ class Chart {
     waiting = true;
   }
 
+  high(width) {
+    return Math.round(this.height > 4 ? this.height * unit() : this.height * width);
+  }
+
   draw() {
     const { canvas } = this;
     const width = canvas.parentElement.clientWidth;
     if (!width) return;
-    const height = Math.round(this.height > 4 ? this.height * unit() : this.height * width);
+    const height = this.high(width);
     const sharp = devicePixelRatio || 1;
     canvas.style.height = `${height}px`;
     canvas.width = width * sharp;
@@ -63,8 +67,10 @@ function title(id, text) {
 
 const short = (value, digits = 3) => {
   if (!Number.isFinite(value)) return "none";
-  const text = Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3) ? value.toExponential(1) : value.toPrecision(digits);
-  return (text.includes("e") ? text : String(Number(text))).replaceAll("-", "−");
+  const plain = !value || (Math.abs(value) < 1e5 && Math.abs(value) >= 1e-3);
+  if (plain) return String(Number(value.toPrecision(digits))).replace("-", "−");
+  const [digit, power] = value.toExponential(1).replace(".0", "").split("e");
+  return `${digit}·10${[...String(Number(power))].map((sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]).join("")}`.replace("-", "−");
 };
 
 const count = (number, one, many = `${one}s`) => `${number} ${number === 1 ? one : many}`;
@@ -145,15 +151,15 @@ function text(ctx, words, x, y, { align = "left", base = "middle", fill = colour
   ctx.restore();
 }
 
-// Names of curves right of their ends, moved apart where they would overlap. ends: [name, y, colour].
+// Names of curves right of their ends, moved apart where they would overlap. ends: [name, y, name of its colour].
 function labelEnds(ctx, ends, x, top, bottom) {
   const gap = 15 * unit();
   const sorted = ends.toSorted((a, b) => a[1] - b[1]);
-  let place = -Infinity;
+  let place = top - gap;
   const places = sorted.map(([, y]) => (place = Math.max(y, place + gap)));
   const over = Math.max(0, places.at(-1) - bottom);
   for (let i = places.length - 1, most = bottom; i >= 0; i--, most -= gap) if (over) places[i] = Math.min(places[i], most);
-  sorted.forEach(([name, , paint], i) => text(ctx, name, x, places[i], { fill: paint }));
+  sorted.forEach(([name, , paint], i) => text(ctx, name, x, places[i], { fill: colour(`${paint}-text`) }));
 }
 
 // Pixels that the longest of these names takes beside a panel.
@@ -196,6 +202,30 @@ function cividis(share) {
   return DATA.cividis[Math.round(Math.min(1, Math.max(0, share || 0)) * last)];
 }
 
+// --- Work between frames ---------------------------------------------------------------------------------------------
+
+const jobs = new Map(); // generators by name, with the view that they are for
+let atWork = false;
+
+// Go through a generator a few milliseconds a frame, while its view is seen and nothing is played.
+function between(name, view, steps) {
+  jobs.set(name, { view, steps });
+  if (!atWork) setTimeout(goOn, 200);
+  atWork = true;
+}
+
+function goOn() {
+  const until = performance.now() + 8;
+  let moved = false;
+  for (const [name, job] of jobs) {
+    if (job.view !== state.view || player.mode || document.hidden) continue;
+    moved = true;
+    while (jobs.get(name) === job && performance.now() < until) if (job.steps.next().done) jobs.delete(name);
+  }
+  atWork = jobs.size > 0;
+  if (atWork) moved ? requestAnimationFrame(goOn) : setTimeout(goOn, 200);
+}
+
 // --- Saving ---------------------------------------------------------------------------------------------------------
 
 function save(name, blob) {
@@ -206,32 +236,59 @@ function save(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// All figures of a view below each other with their titles, and the address that leads back to them.
-function savePicture(view, name) {
-  const figures = [...document.querySelectorAll(`#${view} figure`)].map((figure) => ({
-    canvas: figure.querySelector("canvas"),
-    words: figure.querySelector("figcaption").textContent,
-  }));
-  const shown = figures.filter(({ canvas }) => canvas.width && canvas.offsetParent);
-  const width = Math.max(...shown.map(({ canvas }) => canvas.width)), head = 40;
-  const sheet = document.createElement("canvas");
-  sheet.width = width + 40;
-  sheet.height = shown.reduce((height, { canvas }) => height + canvas.height + head, 50);
-  const ctx = sheet.getContext("2d");
-  ctx.fillStyle = colour("paper");
-  ctx.fillRect(0, 0, sheet.width, sheet.height);
-  let y = 20;
-  for (const { canvas, words } of shown) {
-    text(ctx, words, 20, y + 12, { size: 16, weight: "bold" });
-    ctx.drawImage(canvas, 20, y + 30);
-    y += canvas.height + head;
+// A text in lines that fit.
+function lines(ctx, words, width) {
+  const found = [""];
+  for (const word of words.split(" ")) {
+    const longer = found.at(-1) ? `${found.at(-1)} ${word}` : word;
+    if (ctx.measureText(longer).width > width && found.at(-1)) found.push(word);
+    else found[found.length - 1] = longer;
   }
-  text(ctx, location.hash || "#", 20, y + 10, { size: 12, fill: colour("soft") });
+  return found;
+}
+
+// All figures of a view under their titles in two columns, painted anew and sharp, and the address that leads back.
+function savePicture(view, name) {
+  const u = unit(), column = 620 * u, gap = 24 * u, whole = 2 * column + gap, row = 20 * u;
+  const sheet = document.createElement("canvas"), ctx = sheet.getContext("2d");
+  ctx.font = font(15, "bold");
+  let y = gap, beside = null;
+  const placed = CHARTS.filter(({ canvas }) => canvas.closest(`#${view}`)).map((chart) => {
+    const figure = chart.canvas.closest("figure"), wide = figure.matches(".wide");
+    const told = lines(ctx, figure.querySelector("figcaption").textContent, wide ? whole : column);
+    const height = chart.high(wide ? whole : column), full = told.length * row + height + gap;
+    const place = { chart, told, width: wide ? whole : column, height, x: gap, y };
+    if (!wide && beside) {
+      Object.assign(place, { x: gap + column + gap, y: beside.y });
+      y = Math.max(y, beside.y + full);
+      beside = null;
+    } else {
+      beside = wide ? null : place;
+      y += full;
+    }
+    return place;
+  });
+  const back = address().match(/.{1,150}/g);
+  const size = [whole + 2 * gap, y + back.length * row + gap];
+  [sheet.width, sheet.height] = size.map((pixels) => 2 * Math.ceil(pixels));
+  ctx.scale(2, 2);
+  ctx.fillStyle = colour("paper");
+  ctx.fillRect(0, 0, ...size);
+  for (const { chart, told, width, height, x, y: top } of placed) {
+    told.forEach((words, k) => text(ctx, words, x, top + (k + 0.5) * row, { size: 15, weight: "bold" }));
+    ctx.save();
+    ctx.translate(x, top + told.length * row);
+    ctx.font = font();
+    ctx.lineJoin = "round";
+    chart.paint(ctx, width, height);
+    ctx.restore();
+  }
+  back.forEach((words, k) => text(ctx, words, gap, y + (k + 0.5) * row, { size: 11, fill: colour("soft") }));
   sheet.toBlob((blob) => save(name, blob));
 }
 
 function saveTable(name, columns, rows) {
   const cell = (value) => (typeof value === "boolean" ? +value : value ?? "");
   const lines = [columns, ...rows].map((row) => row.map(cell).join(","));
-  save(name, new Blob([`# ${location.hash || "#"}\n`, lines.join("\n"), "\n"], { type: "text/csv" }));
+  save(name, new Blob([`# ${address()}\n`, lines.join("\n"), "\n"], { type: "text/csv" }));
 }

@@ -3,7 +3,7 @@
 
 const VECTORS = { phi: "phi", phi_prev: "phiPrev", trace_prev: "tracePrev" };
 const NUMBERS = { delta: "delta", delta_prev: "deltaPrev", discount: "discount" };
-const ALIASES = { deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount" };
+const ALIASES = { deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount", "γ": "discount", "δ": "delta", "δ₋": "delta_prev", "φ": "phi", "φ₋": "phi_prev", "e₋": "trace_prev" };
 const FUNCTIONS = {
   abs: [1, 1, Math.abs],
   sign: [1, 1, Math.sign],
@@ -25,23 +25,28 @@ function defined(value) {
 }
 
 function tokens(text) {
-  const pattern = /\s*(?:(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)|([A-Za-z_]\w*)|(\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!]))/iy;
+  const pattern = /\s*(?:(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)|([δφe]₋|[δφγ]|[A-Za-z_]\w*)|(\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!·]))/iy;
   const found = [];
-  text = text.trimEnd();
+  text = text.replace(/\|(φ₋?)\|²/g, "dot($1, $1)").replace(/[−–]/g, "-").replaceAll("×", "*").trimEnd();
   while (pattern.lastIndex < text.length) {
     const at = pattern.lastIndex;
     const match = pattern.exec(text);
     if (!match) {
       const odd = text.slice(at).trim()[0];
       const hints = { "=": "To compare, write ==.", "^": "A power is written **.", "λ": "λ itself is what you compute.",
-        "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon.",
-        "δ": "Write delta." };
+        "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon." };
       throw new RuleError(`“${odd}” cannot be read here. ${hints[odd] ?? ""}`.trim());
     }
     const [, number, name, sign] = match;
     found.push(number ? { number: Number(number), text: number } : { name: Object.hasOwn(ALIASES, name) ? ALIASES[name] : name, text: name ?? sign });
   }
   return found;
+}
+
+// Whether a rule has no value at two ordinary steps.
+function neverDefined(rule) {
+  const vector = Float64Array.of(1, 0.5), step = { phi: vector, phiPrev: vector, tracePrev: vector, discount: 1 };
+  return [[0.5, 0.25], [0.5, -0.25]].every(([delta, deltaPrev]) => Number.isNaN(rule({ ...step, delta, deltaPrev })));
 }
 
 // How many letters must change to make one word of the other.
@@ -142,10 +147,10 @@ function ownRule(text) {
 
   function product() {
     let left = signed();
-    for (let sign; (sign = take("*", "/", "%")); ) {
+    for (let sign; (sign = take("*", "/", "%", "·")); ) {
       const [a, b] = [scalar(left, sign), scalar(signed(), sign)];
       const modulo = (x, y) => x - y * Math.floor(x / y);
-      const apply = { "*": (x, y) => x * y, "/": (x, y) => defined(x / y), "%": (x, y) => defined(modulo(x, y)) }[sign];
+      const apply = { "*": (x, y) => x * y, "·": (x, y) => x * y, "/": (x, y) => defined(x / y), "%": (x, y) => defined(modulo(x, y)) }[sign];
       left = { value: (s) => apply(a(s), b(s)) };
     }
     return left;
@@ -159,10 +164,20 @@ function ownRule(text) {
   }
 
   function power() {
-    const base = atom();
+    const base = inner();
     if (!take("**")) return base;
     const [a, b] = [scalar(base, "**"), scalar(signed(), "**")];
     return { value: (s) => defined(a(s) ** b(s)) };
+  }
+
+  // Of two vectors: it binds as tightly as a name.
+  function inner() {
+    const left = atom();
+    if (!left.vector || !take("·")) return left;
+    const right = atom();
+    if (!right.vector) throw new RuleError(`${left.vector}· takes another vector: phi, phi_prev or trace_prev.`);
+    const [a, b] = [VECTORS[left.vector], VECTORS[right.vector]];
+    return { value: (s) => dot(s[a], s[b]) };
   }
 
   function atom() {
@@ -204,7 +219,7 @@ function ownRule(text) {
     const known = [...Object.keys(NUMBERS), ...Object.keys(VECTORS), ...Object.keys(FUNCTIONS), "dot"];
     const nearest = known.toSorted((a, b) => distance(name, a) - distance(name, b))[0];
     if (/^lamb?da/.test(name)) throw new RuleError("λ is what you compute here: write its value, such as delta / delta_prev.");
-    const guess = distance(name, nearest) <= Math.max(2, name.length / 3) ? `Did you mean ${nearest}? ` : "";
+    const guess = distance(name, nearest) <= Math.max(1, name.length / 3) ? `Did you mean ${nearest}? ` : "";
     throw new RuleError(`“${name}” is not known. ${guess}There are ${known.join(", ")}.`);
   }
 

@@ -16,13 +16,13 @@ const player = {
 
   toggle() {
     if (this.mode) return this.pause();
-    if (state.view === "robot" && robotView.experiment?.done) robotView.restart();
+    if (state.view === "robot" && robotView.world) robotView.goOn();
     this.run("play");
   },
 
   // All that is left of the run, as fast as the machine can, a frame at a time.
   rush() {
-    if (robotView.experiment?.done) robotView.restart();
+    if (robotView.experiment?.done) return say("The training is over: Play goes on with what was learnt, Restart begins anew.");
     this.run("rush");
   },
 
@@ -95,6 +95,7 @@ function showControls() {
   at("own-field").hidden = state.rule !== "own";
   at("lambda-field").hidden = state.rule !== "fixed";
   at("formula").textContent = FORMULAS[state.rule][1];
+  showKept();
   at("reset").checked = Boolean(state.reset);
   for (const name of SLIDERS) {
     const slider = at(name), value = state[name];
@@ -106,6 +107,23 @@ function showControls() {
   for (const radio of document.querySelectorAll("input[name=look]")) radio.checked = radio.value === state.look;
 }
 
+// The rules beside the chosen one, each with a button that drops it.
+function showKept() {
+  const told = [state.with, chosen()].join(" ");
+  if (at("kept").dataset.told === told) return;
+  at("kept").dataset.told = told;
+  at("kept").hidden = !kept().length;
+  at("kept").replaceChildren("Beside it: ", ...kept().map((text) => {
+    const name = nameOf(text), button = Object.assign(document.createElement("button"), { type: "button", textContent: `${name} ×` });
+    button.setAttribute("aria-label", `Drop ${name}`);
+    button.addEventListener("click", () => {
+      state.with = kept().filter((other) => other !== text).join(";");
+      changed("with");
+    });
+    return button;
+  }));
+}
+
 // What a change touches is made anew; a drawing alone is only painted. Some settings are one view's alone.
 function changed(name) {
   showControls();
@@ -113,11 +131,23 @@ function changed(name) {
     refreshAll();
     return noteAddress();
   }
+  if (name === "with") {
+    walkView.compare();
+    if (robotView.experiment) robotView.compare();
+    refreshAll();
+    return noteAddress();
+  }
   const problem = state.rule === "own" ? readOwn() : "";
-  at("own-error").textContent = problem && `${problem} Until then the last rule that could be read is at work.`;
-  if (problem && name === "own") return player.pause();
+  at("own-error").textContent = problem && `${problem} Until then “${sound}” is at work.`;
+  at("own-remark").textContent = state.rule === "own" && !problem && neverDefined(ruleOf(chosen()).rule) ? "It divides by zero, always: λ is the guard’s, below." : "";
+  if (problem && name === "own") {
+    refreshAll();
+    return player.pause();
+  }
+  showKept();
   if (name !== "view") {
     const own = { alpha: "walk", alpha0: "robot", epsilon: "robot", multiplier: "robot", update: "robot" }[name];
+    if (own === "robot") state.seeds = 0;
     for (const other of ["walk", "robot"]) if (!own || own === other) stale.add(other);
   }
   freshen();
@@ -138,6 +168,8 @@ function freshen() {
   noteAddress();
 }
 
+const fileName = () => `homing-${state.view}-${state.rule.replaceAll(":", "-")}-seed-${state.seed}`;
+
 function setUpControls() {
   fillRules();
   at("controls").addEventListener("submit", (event) => event.preventDefault());
@@ -150,18 +182,22 @@ function setUpControls() {
     });
   }
   for (const name of ["rule", "update", "map"]) at(name).addEventListener("change", () => {
+    const before = chosen();
     state[name] = at(name).value;
+    keep(before);
     changed(name);
     if (name === "rule" && state.rule === "own") at("own").focus();
   });
   let typing = 0;
   at("own").addEventListener("input", () => {
-    state.own = at("own").value;
+    state.own = at("own").value.replace(/\s+/g, " ");
     clearTimeout(typing);
     typing = setTimeout(() => changed("own"), 350);
   });
   at("reset").addEventListener("change", () => {
+    const before = chosen();
     state.reset = Number(at("reset").checked);
+    keep(before);
     changed("reset");
   });
   for (const radio of document.querySelectorAll("input[name=look]")) radio.addEventListener("change", () => {
@@ -202,14 +238,19 @@ function setUpControls() {
   press("walk-ten", paused(() => walkView.finish(10)));
   press("robot-one", paused(() => robotView.finish()));
   press("robot-all", () => player.rush());
+  press("robot-seeds", paused(() => robotView.seeds()));
+  press("robot-home", paused(() => {
+    Object.assign(state, { start: "", seeds: 0 });
+    robotView.change();
+  }));
   press("robot-kidnap", paused(() => robotView.kidnap()));
   press("walk-again", paused(() => walkView.restart()));
   press("robot-again", paused(() => robotView.restart()));
-  press("save-picture", () => savePicture(state.view, `homing-${state.view}.png`));
-  press("save-data", () => saveTable(`homing-${state.view}.csv`, ...view().table()));
+  press("save-picture", () => savePicture(state.view, `${fileName()}.png`));
+  press("save-data", () => saveTable(`${fileName()}.csv`, ...view().table()));
   press("theme", () => paintTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
   addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input:not([type=range], [type=checkbox], [type=radio]), select")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select")) return;
     const keys = {
       " ": () => player.toggle(),
       "s": paused(() => view().step()),
@@ -243,7 +284,8 @@ function showClaims() {
       list.append(item);
     }
     const head = Object.assign(document.createElement("h2"), { textContent: "What this view is about, and what the stored runs say" });
-    at(`${name}-claims`).append(head, list);
+    const how = Object.assign(document.createElement("p"), { className: "hint", textContent: DATA.reading });
+    at(`${name}-claims`).append(head, how, list);
   }
 }
 
@@ -252,7 +294,6 @@ function openAddress() {
   say(readAddress(location.hash));
   stale.add("walk").add("robot");
   fresh.clear();
-  robotView.before = null;
   changed("view");
 }
 

@@ -1,5 +1,7 @@
 // The view of the robot: the room from above, what is seen there, the learning curve, and each step's delta and lambda.
 
+const TEN = 10, LATE = 5; // seeds at a press; last episodes of the training
+
 const SEEN = DATA.settings.image_size; // pixels of a drawn picture, as many as the camera has
 
 const robotView = {
@@ -7,7 +9,8 @@ const robotView = {
   experiment: null,
   models: new Map(), // of surveys, by seed
   references: new Map(), // steps of climb, random and shortest, by all that they depend on
-  before: null, // {name, lengths} of the run before a change
+  stats: new Map(), // interquartile means
+  lengths: new Map(), // of the episodes of whole runs, by rule, seed and all that they depend on
   hand: null, // a pose that is being dragged
   kidnaps: [],
 
@@ -22,9 +25,9 @@ const robotView = {
     };
   },
 
-  begin(settings, rule) {
-    const experiment = new Experiment(this.world, settings, state.seed, rule, this.models.get(state.seed));
-    this.models.set(state.seed, experiment.env.model);
+  begin(settings, rule, seed = state.seed) {
+    const experiment = new Experiment(this.world, settings, seed, rule, this.models.get(seed));
+    this.models.set(seed, experiment.env.model);
     const start = readPose(state.start);
     if (start && experiment.env.fits(start)) experiment.env.start = start;
     return experiment;
@@ -33,9 +36,9 @@ const robotView = {
   // Make the run anew, as far as it had come, with the kidnaps in their places.
   rebuild() {
     if (!this.world) return;
-    const { rule, name, onZero, clip } = chosenRule();
-    const options = `${onZero ? `:on_zero=${onZero}` : ""}${clip ? "" : ":unclipped"}`;
-    this.experiment = this.begin(this.settings({ lambda_rule: name + options }), state.rule === "own" ? rule : undefined);
+    this.experiment = this.begin(...this.learning(chosen()));
+    this.played = this.key(chosen(), state.seed);
+    this.experiment.total += state.more;
     this.kidnaps = state.kidnap.split(";").filter(Boolean).map((one) => {
       const [step, pose] = one.split(":");
       return { step: Number(step), pose: readPose(pose ?? "") };
@@ -44,16 +47,20 @@ const robotView = {
     state.made = 0;
     while (state.made < made && this.advance());
     this.refer();
+    this.compare();
     this.show();
+  },
+
+  // The settings of a learner by the rule of a text, and its rule where the settings cannot name it.
+  learning(text) {
+    const { setting, own, rule } = ruleOf(text);
+    return [this.settings({ lambda_rule: setting }), own === undefined ? undefined : rule];
   },
 
   // After a change: from the beginning, and to the end if the run before had come to its end.
   change() {
-    const { experiment } = this;
-    const whole = experiment && experiment.done;
-    if (experiment && experiment.episodes.length && this.shown !== undefined)
-      this.before = { name: this.shown, lengths: experiment.episodes.map((one) => one.steps.length) };
-    Object.assign(state, { made: 0, kidnap: "" });
+    const whole = this.experiment?.done;
+    Object.assign(state, { made: 0, more: 0, kidnap: "" });
     this.rebuild();
     if (whole) player.rush();
   },
@@ -67,21 +74,31 @@ const robotView = {
     return true;
   },
 
+  // Where the training is over: one more episode with what was learnt.
+  goOn() {
+    const { experiment } = this;
+    if (!experiment.done || experiment.diverged || state.more >= RANGES.more[1]) return;
+    experiment.total++;
+    state.more++;
+  },
+
   step() {
     if (!this.world) return;
+    this.goOn();
     this.advance();
     this.show();
   },
 
   finish() {
     if (!this.world) return;
+    this.goOn();
     const episodes = this.experiment.episodes.length;
     while (this.advance() && this.experiment.episodes.length === episodes);
     this.show();
   },
 
   restart() {
-    Object.assign(state, { made: 0, kidnap: "" });
+    Object.assign(state, { made: 0, more: 0, kidnap: "" });
     this.rebuild();
   },
 
@@ -100,48 +117,117 @@ const robotView = {
       this.show();
     } else {
       state.start = told.join(",");
+      state.seeds = 0;
       this.change();
     }
   },
 
-  // Somewhere free, the same place for the same seed and step.
+  // Somewhere free, the same place for the same seed and step. A robot that waits makes a step first.
   kidnap() {
     if (!this.world) return;
-    if (!this.experiment.underWay) return say("A kidnap needs a robot that is under way: press Step or Play first.");
+    for (let tries = 0; !this.experiment.underWay && tries < 2; tries++) this.step();
+    if (!this.experiment.underWay) return say("The weights have left the finite numbers: nothing to kidnap.");
     const rng = new Generator(new SeedSequence(state.seed, [state.made]));
     this.put(freePose(this.world, this.world.room.size, rng));
   },
 
-  // What climbing, chance and the shortest way need from this start, worked out between frames.
+  // What climbing, chance and the shortest way need from this start.
   refer() {
     const key = [state.seed, state.start, state.multiplier].join(" ");
-    this.reference = this.references.get(key);
-    if (this.reference) return;
-    this.reference = { climb: NaN, random: NaN, shortest: NaN };
-    this.references.set(key, this.reference);
-    const runs = ["climb", "random"].map((controller) => [controller, this.begin(this.settings({ controller }))]);
-    const reference = this.reference;
-    const next = () => {
-      if (document.hidden || player.mode) return setTimeout(next, 200);
-      const [controller, one] = runs[0];
-      const until = performance.now() + 15;
-      while (performance.now() < until && one.step());
-      if (one.done) {
-        reference[controller] = sum(one.episodes.map((episode) => episode.steps.length)) / one.episodes.length;
-        runs.shift();
+    this.reference = this.references.get(key) ?? { climb: NaN, random: NaN, shortest: NaN };
+    if (this.references.has(key)) return;
+    between("reference", "robot", this.referring(key, this.reference));
+  },
+
+  *referring(key, reference) {
+    for (const controller of ["climb", "random"]) {
+      const one = this.begin(this.settings({ controller }));
+      while (one.step()) yield;
+      reference[controller] = sum(lengthsOf(one)) / one.episodes.length;
+      this.curve.refresh();
+    }
+    reference.shortest = yield* searching(this.begin(this.settings()).env);
+    this.references.set(key, reference);
+    this.curve.refresh();
+  },
+
+  // The rules beside the chosen one from the same seed; with `seeds`, these and the chosen one from that many.
+  compare() {
+    between("seeds", "robot", this.comparing());
+  },
+
+  *comparing() {
+    for (let seed = state.seed; seed < state.seed + (state.seeds || 1); seed++) {
+      for (const text of state.seeds ? [...kept(), chosen()] : kept()) {
+        if (this.known(text, seed)) continue;
+        const key = this.key(text, seed), one = yield* this.beginning(...this.learning(text), seed);
+        while (one.step()) yield;
+        this.lengths.set(key, lengthsOf(one));
         this.curve.refresh();
+        this.tell();
       }
-      if (runs.length) return setTimeout(next, 20);
-      setTimeout(() => {
-        reference.shortest = shortest(one.env);
-        this.curve.refresh();
-      }, 50);
-    };
-    setTimeout(next, 300);
+    }
+    jobs.delete("seeds");
+    this.tell();
+  },
+
+  // As `begin`, with the survey a little at a time.
+  *beginning(settings, rule, seed) {
+    if (!this.models.has(seed)) {
+      const [surveySeed] = new SeedSequence(seed).spawn(1);
+      this.models.set(seed, yield* surveying(this.world, settings, poseOf(this.world.room.home), new Generator(surveySeed)));
+    }
+    return this.begin(settings, rule, seed);
+  },
+
+  key: (text, seed) => [text, seed, state.alpha0, state.epsilon, state.multiplier, state.update, state.start].join(" "),
+
+  known(text, seed) {
+    return this.lengths.get(this.key(text, seed));
+  },
+
+  // The lengths of the runs of a rule that are compared, a row for each seed up to the first that is not worked out.
+  rows(text) {
+    const rows = Array.from({ length: state.seeds || 1 }, (_, k) => this.known(text, state.seed + k));
+    return rows.includes(undefined) ? rows.slice(0, rows.indexOf(undefined)) : rows;
+  },
+
+  // Of an episode over these rows, or of the mean of the last ones; worked out once for as many rows.
+  typical(text, rows, episode = -1) {
+    const key = `${this.key(text, state.seed)} ${rows.length} ${episode}`;
+    if (!this.stats.has(key)) this.stats.set(key, typical(rows.map((row) => (episode < 0 ? late(row) : row[episode]))));
+    return this.stats.get(key);
+  },
+
+  // Ten seeds of all rules shown; or ten more; or, pressed while they run, no more than there are.
+  seeds() {
+    if (!this.world) return;
+    if (this.working) {
+      jobs.delete("seeds");
+      state.seeds = Math.min(...compared().map(({ text }) => this.rows(text).length));
+    } else {
+      state.seeds = Math.min(state.seeds + TEN, RANGES.seeds[1]);
+      this.compare();
+    }
+    this.tell();
+    this.show();
+  },
+
+  get working() {
+    return state.seeds > 0 && jobs.has("seeds");
+  },
+
+  tell() {
+    const done = sum(compared().map(({ text }) => this.rows(text).length)), all = state.seeds * compared().length;
+    at("robot-seeds").textContent = done < all && jobs.has("seeds") ? `Stop ${done}/${all}` : state.seeds ? `${TEN} more seeds` : `${TEN} seeds`;
   },
 
   show() {
-    this.shown = ruleName();
+    const { experiment } = this;
+    if (experiment?.episodes.length >= DATA.settings.episodes && !state.kidnap)
+      this.lengths.set(this.played, lengthsOf(experiment));
+    at("robot-home").hidden = !state.start;
+    this.tell();
     for (const chart of ["room", "view", "curve", "stepsChart"]) this[chart].refresh();
     noteAddress();
   },
@@ -178,6 +264,11 @@ const robotView = {
     return [columns, episodes.flatMap((steps, e) => steps.map((s, t) => [e + 1, t + 1, ...row(s)]))];
   },
 };
+
+// Steps of the episodes of the training; where the weights ran away, as many as an episode can have.
+function lengthsOf({ episodes, settings }) {
+  return Array.from({ length: settings.episodes }, (_, k) => episodes[k]?.steps.length ?? settings.max_steps);
+}
 
 function readPose(words) {
   const [x, y, heading] = words.split(",").map(Number);
@@ -250,17 +341,20 @@ function paintRoom(ctx, width) {
   const start = experiment.env.start;
   shape([0, 2.4, -2.4].map((turn) => at(start, 1.3 * RADIUS_M, turn)));
 
-  experiment.episodes.slice(-5).forEach(({ steps, from }) => {
-    if (steps === experiment.steps) return;
-    ctx.globalAlpha = 0.55;
-    curve(ctx, [from, ...steps].map((pose) => [x(pose.x), y(pose.y)]), colour("edge"), 1.2);
-    ctx.globalAlpha = 1;
+  const driven = (from, steps, first, ...strokes) => {
+    for (const { points, carried } of legs(from, steps, first))
+      for (const [paint, wide] of strokes) curve(ctx, points.map((pose) => [x(pose.x), y(pose.y)]), paint, wide, carried ? [3, 5] : []);
+  };
+  let first = 0;
+  experiment.episodes.forEach(({ steps, from }, k) => {
+    if (steps !== experiment.steps && k >= experiment.episodes.length - 5) {
+      ctx.globalAlpha = 0.55;
+      driven(from, steps, first, [colour("edge"), 1.2]);
+      ctx.globalAlpha = 1;
+    }
+    if (steps !== experiment.steps) first += steps.length;
   });
-  if (experiment.steps) {
-    const points = [experiment.from, ...experiment.steps].map((pose) => [x(pose.x), y(pose.y)]);
-    curve(ctx, points, "#ffffff", 4.5);
-    curve(ctx, points, "#0072B2", 2.5);
-  }
+  if (experiment.steps) driven(experiment.from, experiment.steps, first, ["#ffffff", 4.5], ["#0072B2", 2.5]);
   const { pose } = robotView;
   paintSight(ctx, at, pose);
   paintRobot(ctx, at, pose, scale, "#D55E00");
@@ -274,6 +368,21 @@ function paintRoom(ctx, width) {
   }
   if (state.map !== "none") paintLegend(ctx, x, y, u);
   title("r-room", roomTitle());
+}
+
+// The way of an episode, cut where the robot was carried. first: steps made before it.
+function legs(from, steps, first) {
+  const found = [];
+  let points = [from];
+  for (let k = 0; k <= steps.length; k++) {
+    const { pose } = robotView.kidnaps.findLast(({ step }) => k > 0 && step === first + k) ?? {};
+    if (pose && (k < steps.length || robotView.experiment.underWay)) {
+      found.push({ points }, { points: [points.at(-1), pose], carried: true });
+      points = [pose];
+    }
+    if (k < steps.length) points.push(steps[k]);
+  }
+  return [...found, { points }];
 }
 
 // A ring ahead of what can be turned, far enough from its middle for a thumb.
@@ -347,13 +456,16 @@ function roomTitle() {
   const { experiment } = robotView, finished = experiment.episodes.length;
   if (robotView.hand) return experiment.env.fits(robotView.hand) ? "Let go, or press Enter, to put the robot here" : "The robot does not fit here";
   if (experiment.diverged) return `The weights left the finite numbers in episode ${experiment.diverged}: this rule and step size diverge`;
-  if (!experiment.steps) return "The robot starts with its back to home, the white square: press Play, or All 20";
+  const after = experiment.settings.episodes, trained = (number) => (number > after ? `Episode ${number}, with what was learnt in ${after}` : `Episode ${number}`);
+  if (!experiment.steps) return `The robot starts ${state.start ? "here; home is" : "with its back to home,"} the white square: press Play, or All ${after}`;
   if (!experiment.underWay) {
     const last = experiment.episodes.at(-1), steps = count(last.steps.length, "step");
-    return last.reached ? `Episode ${finished}: it stopped after ${steps}, ${short(100 * apart(last.steps.at(-1), experiment.env.home), 2)} cm from home` : `Episode ${finished}: cut after ${steps}, not at home`;
+    return last.reached ? `${trained(finished)}: it stopped after ${steps}, ${short(100 * apart(last.steps.at(-1), experiment.env.home), 2)} cm from home` : `${trained(finished)}: cut after ${steps}, not at home`;
   }
-  const now = experiment.steps.at(-1), wall = now?.atWall ? ", turning away from a wall" : "";
-  return `Episode ${finished + 1}, step ${experiment.steps.length}: similarity ${now ? now.similarity.toFixed(3) : "-"}, it stops at ${experiment.env.psi.upper.toFixed(3)}${wall}`;
+  const carried = robotView.kidnaps.some(({ step }) => step === state.made), made = experiment.steps.length;
+  const how = carried ? `carried away after step ${made}` : experiment.steps.at(-1)?.atWall ? `step ${made}, turning away from a wall` : `step ${made}`;
+  const seen = similarity(features(experiment.env.world.histogram(robotView.pose), experiment.env.model));
+  return `${trained(finished + 1)}, ${how}: similarity ${seen.toFixed(3)}, it stops at ${experiment.env.psi.upper.toFixed(3)}`;
 }
 
 const apart = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
@@ -411,42 +523,71 @@ function paintView(ctx, width, height) {
 // --- Learning, and the steps ----------------------------------------------------------------------------------------
 
 function paintCurve(ctx, width, height) {
-  const { experiment, before, reference } = robotView;
+  const { experiment, reference } = robotView;
   if (!experiment) return;
-  const names = ["shortest way 19", ruleName(), before ? `before: ${before.name}` : ""];
+  const names = ["shortest way 19", ...compared().map((one) => one.name)];
   const u = unit(), left = 52 * u, right = width - widest(ctx, names);
-  const lengths = experiment.episodes.map((one) => one.steps.length), episodes = experiment.settings.episodes;
-  const most = Math.max(400, ...lengths, ...(before?.lengths ?? []));
-  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [1, episodes], y: [10, most * 1.1], log: true,
+  const lengths = experiment.episodes.map((one) => one.steps.length), { episodes } = experiment.settings;
+  const shown = compared().map((one) => ({ ...one, rows: robotView.rows(one.text) })).filter(({ text, rows }) => rows.length && (state.seeds || text !== chosen()));
+  const most = Math.max(400, ...lengths, ...shown.flatMap(({ rows }) => rows.flat()));
+  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [1, Math.max(episodes, lengths.length)], y: [10, most * 1.1], log: true,
     xTicks: [1, 5, 10, 15, 20], yTicks: [10, 30, 100, 300, 1000].filter((value) => value < most), xLabel: "episode", yLabel: "steps of an episode (logarithmic)" });
   const ends = [];
-  const levels = { random: ["random", "pink-line", [2, 3]], climb: ["climb", "green-line", [7, 3]], shortest: ["shortest way", "ink", [12, 4]] };
-  for (const [name, [label, paint, dash]] of Object.entries(levels)) {
+  const levels = { random: ["random", [2, 3]], climb: ["climb", [7, 3]], shortest: ["shortest way", [12, 4]] };
+  for (const [name, [label, dash]] of Object.entries(levels)) {
     const value = reference[name];
     if (!Number.isFinite(value)) continue;
-    curve(ctx, [[left, box.y(value)], [right, box.y(value)]], colour(paint), 1.6, dash);
-    ends.push([`${label} ${short(value, 3)}`, box.y(value), colour(paint)]);
+    curve(ctx, [[left, box.y(value)], [right, box.y(value)]], colour("edge"), 1.4, dash);
+    ends.push([`${label} ${short(value, 3)}`, box.y(value), "soft"]);
   }
-  const drawn = (values, paint, thick) => {
-    const points = values.map((value, k) => [box.x(k + 1), box.y(Math.max(10, value))]);
-    curve(ctx, points, paint, thick);
-    return points;
-  };
-  if (before) ends.push([`before: ${before.name}`, drawn(before.lengths, colour("edge"), 1.8).at(-1)[1], colour("soft")]);
-  const points = drawn(lengths, colour("blue-line"), 2.6);
-  ctx.lineWidth = 2 * u;
-  points.forEach(([px, py], k) => disc(ctx, px, py, 4 * u, experiment.episodes[k].reached ? colour("blue-line") : colour("paper"), colour("blue-line")));
-  if (points.length) ends.push([ruleName(), points.at(-1)[1], colour("blue-line")]);
+  const up = (value) => box.y(Math.max(10, value));
+  for (const { text, name, paint, dash, rows } of shown) {
+    const stats = Array.from({ length: episodes }, (_, k) => robotView.typical(text, rows, k));
+    if (rows.length > 2) {
+      ctx.globalAlpha = 0.16;
+      ctx.fillStyle = colour(`${paint}-line`);
+      ctx.beginPath();
+      stats.forEach(({ high }, k) => ctx.lineTo(box.x(k + 1), up(high)));
+      stats.toReversed().forEach(({ low }, k) => ctx.lineTo(box.x(episodes - k), up(low)));
+      ctx.fill();
+      ctx.globalAlpha = 1;
+    }
+    const points = stats.map(({ value }, k) => [box.x(k + 1), up(value)]);
+    curve(ctx, points, colour(`${paint}-line`), text === chosen() ? 3 : 2, dash);
+    ends.push([name, points.at(-1)[1], paint]);
+  }
+  const { paint } = compared().at(-1), alone = !state.seeds, ink = colour(alone ? `${paint}-line` : "ink");
+  const points = lengths.map((value, k) => [box.x(k + 1), up(value)]);
+  if (alone) curve(ctx, points, ink, 2.6);
+  ctx.lineWidth = 1.5 * u;
+  points.forEach(([px, py], k) => disc(ctx, px, py, (alone ? 4 : 2.6) * u, experiment.episodes[k].reached ? ink : colour("paper"), ink));
+  if (alone && points.length) ends.push([ruleName(), points.at(-1)[1], paint]);
   if (ends.length) labelEnds(ctx, ends, right + 10 * u, 22 * u, height - 44 * u);
   title("r-curve", curveTitle(lengths, episodes, reference));
 }
 
+const mean = (values) => sum(values) / values.length;
+
+const late = (lengths) => mean(lengths.slice(DATA.settings.episodes - LATE, DATA.settings.episodes));
+
 function curveTitle(lengths, episodes, { climb, shortest }) {
-  const mean = (values) => sum(values) / values.length;
-  if (!lengths.length) return "The learning curve, beside a climb up the similarity, chance and the shortest way";
-  if (lengths.length < episodes) return `${count(lengths.length, "episode")} so far, ${short(mean(lengths))} steps on average`;
-  const late = mean(lengths.slice(-5)), beside = Number.isFinite(climb) ? `; a climb ${short(climb)}, the shortest way ${short(shortest)}` : "";
-  return `The first five episodes take ${short(mean(lengths.slice(0, 5)))} steps, the last five ${short(late)}${beside}`;
+  const known = compared().reverse().map((one) => ({ ...one, rows: robotView.rows(one.text) })).filter(({ rows }) => rows.length);
+  const beside = Number.isFinite(climb) ? `; a climb ${short(climb)}${Number.isFinite(shortest) ? `, the shortest way ${short(shortest)}` : ""}` : "";
+  const last = `Steps of the last ${LATE} of ${episodes} episodes`;
+  if (state.seeds) {
+    const said = known.map(({ text, name, rows }) => {
+      const { value, low, high } = robotView.typical(text, rows);
+      return `${short(value)}${rows.length > 2 ? ` [${short(low)}, ${short(high)}]` : ""} with ${name}`;
+    });
+    const many = Math.min(...compared().map(({ text }) => robotView.rows(text).length)), seeds = `seeds ${state.seed} to ${state.seed + state.seeds - 1}`;
+    if (!said.length) return `${last}, ${seeds}: being worked out …`;
+    return `${last}, ${seeds}${many < state.seeds ? ` (${many} of ${state.seeds} so far)` : ""}: ${said.join(", ")}`;
+  }
+  if (!lengths.length && !known.length) return "The learning curve, beside a climb up the similarity, chance and the shortest way";
+  const only = `Seed ${state.seed} only`;
+  if (lengths.length < episodes) return `${only}: ${count(lengths.length, "episode")} so far${lengths.length ? `, ${short(mean(lengths))} steps on average` : ""}`;
+  if (known.length > 1) return `${only}: ${last.toLowerCase()}: ${known.map(({ name, rows }) => `${short(late(rows[0]))} with ${name}`).join(", ")}. “${TEN} seeds” tells luck from rule`;
+  return `${only}: the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps, the last ${LATE} ${short(late(lengths))}${beside}`;
 }
 
 function paintSteps(ctx, width, height) {
@@ -455,24 +596,26 @@ function paintSteps(ctx, width, height) {
   const u = unit(), { psi } = experiment.env;
   const { left, right, first, x } = timeAxis(width, steps.length), seen = steps.slice(first);
   const low = Math.min(0.6, ...seen.map((step) => step.similarity)), third = (height - 20 * u) / 3;
-  const box = panel(ctx, { left, right, top: 20 * u, bottom: third - 6 * u, x: [0, 1], y: [low, 1], yTicks: ticks(low, 1, 2), yLabel: "similarity, and the two thresholds" });
-  for (const level of [psi.upper, psi.lower]) curve(ctx, [[left, box.y(level)], [right, box.y(level)]], colour("ink"), 1, [5, 3]);
+  const box = panel(ctx, { left, right, top: 20 * u, bottom: third - 6 * u, x: [0, 1], y: [low, 1], yTicks: ticks(low, 1, 2), yLabel: "similarity; dashed: where it stops" });
+  curve(ctx, [[left, box.y(psi.upper)], [right, box.y(psi.upper)]], colour("ink"), 1, [5, 3]);
   curve(ctx, seen.map((step, t) => [x(t + first), box.y(step.similarity)]), colour("green-line"), 2);
   stems(ctx, seen, (t) => x(t + first), { left, right, top: third + 26 * u, middle: 2 * third + 16 * u, bottom: height - 20 * u });
   text(ctx, steps.length ? `step ${first + 1}` : "", left, height - 2 * u, { base: "bottom", fill: colour("soft") });
   if (steps.length > 1) text(ctx, steps.length, x(steps.length - 1), height - 2 * u, { base: "bottom", align: "center", fill: colour("soft") });
   const later = steps.slice(1), reset = later.filter((step) => step.clipped).length;
-  const mean = later.length ? sum(later.map((step) => step.lambda)) / later.length : 0;
+  const back = reaches(steps);
   title("r-steps", later.length
-    ? `Mean λ ${short(mean, 2)}, reset at ${reset} of ${count(later.length, "step")}; the trace reaches back ${count(behind(steps), "step")}`
+    ? `Mean λ ${short(mean(later.map((step) => step.lambda)), 2)}, reset at ${reset} of ${count(later.length, "step")}; the trace reaches back ${short(mean(back), 2)} steps on average, ${Math.max(...back)} at most`
     : "Similarity, TD error and λ of each step");
 }
 
-// Over how many steps the last error is shared with at least a hundredth of its weight.
-function behind(steps) {
-  let weight = 1, number = 0;
-  for (let k = steps.length - 1; k > 0 && weight >= 0.01; k--, number++) weight *= steps[k].lambda;
-  return Math.max(0, weight < 0.01 ? number - 1 : number);
+// Over how many steps each error of an episode is shared with at least a hundredth of its weight.
+function reaches(steps) {
+  return steps.map((_, k) => {
+    let back = 0;
+    for (let weight = 1; back < k && (weight *= steps[k - back].lambda) >= 0.01; ) back++;
+    return back;
+  });
 }
 
 // --- Hands ----------------------------------------------------------------------------------------------------------

@@ -7,12 +7,14 @@ const USUAL = {
   lambda: 0.9,
   guard: 0, // lambda where the rule divides by zero
   reset: 1, // whether a lambda outside [0, 1] is reset to the nearer bound
+  with: "", // rules beside it, as compare.js writes them; gate;fixed:0.9
   seed: 1,
   // the walk
   alpha: 0.1,
   at: 0, // steps made
   look: "backward",
   pick: -1, // the step that is looked at; -1: the last
+  row: -1, // the state that is looked at; -1: none
   // the robot
   alpha0: DATA.settings.alpha0,
   multiplier: DATA.settings.multiplier,
@@ -22,6 +24,14 @@ const USUAL = {
   start: "", // x,y,heading
   kidnap: "", // step:x,y,heading;...
   made: 0, // steps made
+  more: 0, // episodes after the training
+  seeds: 0, // how many, from `seed` on, are compared; 0: the one that is played
+};
+
+// What only one view asks for; the other's is not in the address.
+const ONLY = {
+  walk: ["alpha", "at", "look", "pick", "row"],
+  robot: ["alpha0", "multiplier", "epsilon", "update", "map", "start", "kidnap", "made", "more", "seeds"],
 };
 
 const ALLOWED = {
@@ -34,10 +44,10 @@ const ALLOWED = {
 
 const RANGES = {
   lambda: [0, 1], guard: [0, 1], reset: [0, 1], seed: [0, 2 ** 32 - 1], alpha: [0.001, 1], at: [0, 1e5], pick: [-1, 1e5],
-  alpha0: [1e-5, 1], multiplier: [1.5, 40], epsilon: [0, 1], made: [0, 5e4],
+  row: [-1, 18], alpha0: [1e-5, 1], multiplier: [1.5, 40], epsilon: [0, 1], made: [0, 3e5], more: [0, 100], seeds: [0, 100],
 };
 
-const WHOLE = ["reset", "seed", "at", "pick", "made"];
+const WHOLE = ["reset", "seed", "at", "pick", "row", "made", "more", "seeds"];
 
 const state = { ...USUAL };
 
@@ -45,6 +55,7 @@ const state = { ...USUAL };
 function readAddress(hash) {
   const problems = [];
   Object.assign(state, USUAL);
+  readOwn();
   for (const [name, value] of new URLSearchParams(hash.replace(/^#/, ""))) {
     if (!(name in USUAL)) problems.push(`“${name}” is not known`);
     else if (ALLOWED[name] && !ALLOWED[name].includes(value)) problems.push(`${name} cannot be “${value}”`);
@@ -54,14 +65,30 @@ function readAddress(hash) {
       const sound = value !== "" && number >= low && number <= high && (!WHOLE.includes(name) || Number.isInteger(number));
       if (sound) state[name] = number;
       else problems.push(`${name} must be ${WHOLE.includes(name) ? "a whole number " : ""}from ${low} to ${high}, not “${value}”`);
-    } else state[name] = value;
+    } else if (name === "with") state.with = value.split(";").filter((text) => readable(text, problems)).slice(-KEPT).join(";");
+    else state[name] = value;
   }
   return problems.length ? `Of the address: ${problems.join("; ")}. The rest is taken.` : "";
 }
 
+function readable(text, problems) {
+  try {
+    return ruleOf(text);
+  } catch (error) {
+    problems.push(`with: ${error.message}`);
+  }
+}
+
+// What leads back here: of a rule of one's own the one at work, not what is being typed.
 function address() {
   const told = new URLSearchParams();
-  for (const [name, value] of Object.entries(USUAL)) if (state[name] !== value) told.set(name, state[name]);
+  const idle = [...ONLY[state.view === "walk" ? "robot" : "walk"]];
+  if (state.rule !== "own") idle.push("own");
+  if (state.rule !== "fixed") idle.push("lambda");
+  for (const [name, usual] of Object.entries(USUAL)) {
+    const value = name === "own" ? sound : state[name];
+    if (value !== usual && !idle.includes(name)) told.set(name, value);
+  }
   return `#${told}`;
 }
 
@@ -73,12 +100,13 @@ function noteAddress() {
   addressTimer = setTimeout(() => history.replaceState(null, "", address()), 400);
 }
 
-let sound = ownRule(USUAL.own); // the last rule of one's own that could be read
+let sound = USUAL.own; // the last rule of one's own that could be read
 
 // Reads it anew; returns what is wrong with it, or nothing.
 function readOwn() {
   try {
-    sound = ownRule(state.own);
+    ownRule(state.own);
+    sound = state.own;
     return "";
   } catch (error) {
     if (error instanceof RuleError) return error.message;
@@ -86,15 +114,34 @@ function readOwn() {
   }
 }
 
-// {rule, onZero, clip} for a learner, and its name in homing_lib's settings.
-function chosenRule() {
-  const guard = { onZero: state.guard, clip: Boolean(state.reset) };
-  if (state.rule === "own") return { rule: sound, name: "fixed:0", ...guard };
-  const name = state.rule === "fixed" ? `fixed:${state.lambda}` : state.rule;
-  return { rule: parseRule(name).rule, name, ...guard };
+// The rule that is chosen, with its options, as ruleOf reads it.
+function chosen() {
+  const options = `${state.guard ? `:on_zero=${state.guard}` : ""}${state.reset ? "" : ":unclipped"}`;
+  return { own: `own${options}:${sound}`, fixed: `fixed:${state.lambda}${options}` }[state.rule] ?? state.rule + options;
 }
 
-const ruleName = () => ({ fixed: `fixed λ = ${short(state.lambda)}`, own: "your rule" })[state.rule] ?? FORMULAS[state.rule][0];
+// The rules beside it, the longest kept first.
+const KEPT = 3;
+const kept = () => state.with.split(";").filter((text) => text && text !== chosen());
+
+// Keep the rule that was chosen until now beside the one that is.
+function keep(text) {
+  state.with = [...kept().filter((other) => other !== text), ...(text === chosen() ? [] : [text])].slice(-KEPT).join(";");
+}
+
+// All of them, the chosen one last, and with it what draws each, in the order in which they came.
+const PAINTS = [["blue", []], ["orange", [7, 3]], ["green", [3, 3]], ["pink", [9, 3, 2, 3]]];
+const compared = () => [...kept(), chosen()].map((text, i) => ({ text, name: nameOf(text), paint: PAINTS[i][0], dash: PAINTS[i][1] }));
+
+function nameOf(text) {
+  const { name, own, onZero, clip } = ruleOf(text);
+  const unread = state.own === sound ? "your rule" : "your last readable rule";
+  const typed = own && (own.length > 18 ? `${own.slice(0, 17)}…` : own);
+  const bare = own !== undefined ? (text === chosen() ? unread : typed) : FORMULAS[name]?.[0] ?? `fixed λ = ${short(Number(name.slice(6)))}`;
+  return `${bare}${onZero ? `, guard ${short(onZero)}` : ""}${clip ? "" : ", no reset"}`;
+}
+
+const ruleName = () => nameOf(chosen());
 
 // What each rule is called, and says.
 const FORMULAS = {
@@ -108,7 +155,7 @@ const FORMULAS = {
   "gate": ["gate", "λ = 1 while δ keeps its sign, else 0"],
   "gate:0.7": ["gate of 0.7", "λ = 0.7 while δ keeps its sign, else 0"],
   "gate:opposite": ["opposite gate", "λ = 1 where δ changes its sign, else 0"],
-  "inverse": ["form 2 upside down", "λ = γ δ₋ |φ₋|² / (δ |φ|²)"],
-  "absolute": ["size of form 2", "λ = |form 2|, whatever the sign"],
-  "own": ["a rule of your own", "from delta, delta_prev, discount, phi, phi_prev and trace_prev; dot(phi, phi), abs, min, max, sqrt, ..."],
+  "inverse": ["inverse", "λ = γ δ₋ |φ₋|² / (δ |φ|²): form 2 upside down"],
+  "absolute": ["absolute", "λ = |form 2|: its size, whatever the sign"],
+  "own": ["a rule of your own", "from δ, δ₋, γ, φ, φ₋ and e₋, or delta, delta_prev, discount, phi, phi_prev and trace_prev; φ·φ or dot(phi, phi), abs, min, max, sqrt, ..."],
 };

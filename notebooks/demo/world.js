@@ -180,16 +180,28 @@ class Robot {
   }
 }
 
+// What a generator returns in the end.
+function drained(steps) {
+  for (;;) {
+    const { done, value } = steps.next();
+    if (done) return value;
+  }
+}
+
 // --- What the robot knows of home -----------------------------------------------------------------------------------
 
 // The snapshot and the pooled variance of the difference to it (eqs. 9, 10), from a random drive.
-function survey(world, settings, home, rng) {
+const survey = (...all) => drained(surveying(...all));
+
+// The same a little at a time, for a page that must not stand still.
+function* surveying(world, settings, home, rng) {
   const snapshot = world.histogram(home);
   const robot = new Robot(world, settings, home);
   const seen = [];
   for (let step = 0; step < settings.survey_steps; step++) {
     robot.act(rng.integers(3), rng);
     seen.push(world.nearest(robot.pose));
+    yield;
   }
   const views = new Map(seen.map((number) => [number, world.view(number)]));
   const rows = seen.map((number) => views.get(number));
