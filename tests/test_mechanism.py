@@ -278,6 +278,6 @@ def test_on_the_walk_form_2_must_beat_the_best_fixed_lambda():
     verdict, effect = mechanism.on_the_walk(errors({"fixed 0.8": 0.3}))
     assert verdict == "no"
     assert (
-        "Each rule's least mean error, over the first ten walks at its best step size: fixed 0.8 0.31, form 2 0.42"
+        "Each rule's least mean error, over the first 10 walks at its best step size: fixed 0.8 0.31, form 2 0.42"
         in effect
     )

@@ -194,7 +194,7 @@ def test_the_walk_says_what_it_measures_and_measures_it_as_the_stored_study(brow
     assert browser("at('w-best').getAttribute('aria-label')").startswith(
         "Each at its best step size, over the first 10"
     )
-    assert "over the first ten walks at its best step size" in browser("at('walk-claims').textContent")
+    assert "over the first 10 walks at its best step size" in browser("at('walk-claims').textContent")
     browser("walkView.known.forEach((runs) => runs.splice(2))")
     for rule in ("gate", "gate:opposite"):
         stored = [mechanism.walk(Settings(lambda_rule=rule), 1000 + seed)["error"] for seed in range(2)]

@@ -18,7 +18,7 @@ from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, missing, write_bytes
 from homing_lib.study import claims
-from homing_lib.study.mechanism import WALK_STEP_SIZES
+from homing_lib.study.walk import EPISODES, STEP_SIZES
 from homing_lib.surfaces import Image, paint
 
 SOURCES = ROOT / "notebooks" / "demo"
@@ -64,7 +64,8 @@ def build() -> str:
         "cividis": [
             matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps["cividis"](np.arange(0, 256, 4))
         ],
-        "stepSizes": WALK_STEP_SIZES,
+        "stepSizes": STEP_SIZES,
+        "firstWalks": EPISODES,
         "reading": READING,
         "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }

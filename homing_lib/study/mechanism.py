@@ -24,8 +24,8 @@ from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
 from homing_lib.study.statistics import iqm, pooled_at_best, side
 from homing_lib.study.studies import FRESH, study
+from homing_lib.study.walk import EPISODES, learning
 from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
-from homing_lib.study.walk import learning
 from homing_lib.thresholds import stopping_thresholds
 
 _PAPER = Settings(images="atlas")
@@ -624,5 +624,5 @@ def on_the_walk(of: Any) -> Judged:
     return (
         whether(found),
         f"Its error is {found:.2f} of the best fixed one's ({found.word}). Each rule's least mean error, over the "
-        f"first ten walks at its best step size: {listed}.",
+        f"first {EPISODES} walks at its best step size: {listed}.",
     )

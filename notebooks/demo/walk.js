@@ -1,7 +1,7 @@
 // The view of the walk: the trace over time, its errors and lambdas, and how wrong the values still are.
 
 const FIXED = ["fixed:0", "fixed:0.4", "fixed:0.8", "fixed:0.9", "fixed:1"];
-const WALKS = 30, FIRST = 10, SEEDS = 20;
+const WALKS = 30, FIRST = DATA.firstWalks, SEEDS = 20; // FIRST: as in the stored study
 
 const walkView = {
   walk: null,
