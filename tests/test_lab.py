@@ -33,9 +33,22 @@ ANSWERS = {
 }
 
 
-@pytest.mark.parametrize("answer", [None, ..., lambda x: None, lambda x: ...])
+@pytest.mark.parametrize("answer", [None, ..., lambda x: ...])
 def test_an_answer_that_is_not_there_is_blank(answer):
     assert doubles.judge(answer).verdict == "blank"
+
+
+def without_a_case(*, delta, delta_prev, **_):
+    if delta_prev != 0:
+        return 0.5
+
+
+def test_a_function_that_forgets_to_return_hears_so_and_with_which_errors():
+    missing = "is a `return` missing, or a case not covered?"
+    assert doubles.judge(lambda x: None)[1:] == ("wrong", f"Your function gave None: {missing}")
+    verdict, told = lab.a_rule.judge(without_a_case)[1:]
+    assert verdict == "wrong"
+    assert re.fullmatch(rf"Your function gave None with δ = [-.\d]+, δ before = 0: {re.escape(missing)}", told)
 
 
 @pytest.mark.parametrize("told", ANSWERS)
@@ -189,9 +202,16 @@ MISTAKES = {
     },
     lab.a_rule: {
         "called by keyword": lambda delta, delta_prev: 0.5,
-        "divides by 0": ratio,
-        "Cut to \\[0, 1\\] last": lambda *, delta, delta_prev, **_: 2 * min(1, abs(delta / delta_prev)),
-        "below 0": lambda *, delta, delta_prev, **_: min(1, delta / delta_prev),
+        "without a word": ratio,
+        "after 0. Say which λ stands in there: `if delta_prev == 0": (
+            lambda *, delta, delta_prev, **_: np.clip(delta / delta_prev, 0, 1)
+        ),
+        "stands in there: ask for 0": (
+            lambda *, delta, delta_prev, **_: min(1, abs(delta_prev / delta)) if delta_prev else 0.5
+        ),
+        "Cut to \\[0, 1\\] last": lambda *, delta, delta_prev, **_: 2 * min(1, abs(delta * delta_prev)),
+        "below 0": lambda *, delta, delta_prev, **_: min(1, delta * delta_prev),
+        "a str": lambda **_: "0.5",
         "an array": lambda *, phi, **_: np.clip(phi, 0, 1),
         "It changes phi": meddling,
     },
@@ -241,6 +261,16 @@ RACED = {
     "it forgets too soon": lambda *, delta, delta_prev, **_: 0.9 if delta * delta_prev > 0 else 0.0,
     "it never forgets": lambda **_: 1.0,
 }
+
+
+def test_how_often_a_rule_has_no_lambda_is_told_of_all_walks_of_the_race_together():
+    rule, seeds = RACED["it has no λ"], range(1000, 1006)
+    each = [lab._asked_how_often(rule, [seed], 0.1)[0] for seed in seeds]
+    assert min(each) < lab._asked_how_often(rule, seeds, 0.1)[0] < max(each)
+    with pytest.raises(lab.Wrong) as lost:
+        lab.raced(rule, judge=seeds, choose=range(2))
+    at = float(re.search(r"at α = ([\d.]+):", str(lost.value))[1])
+    assert f"In {lab._asked_how_often(rule, seeds, at)[0]:.0%} of the steps" in str(lost.value)
 
 
 @pytest.mark.parametrize("hint", RACED)
@@ -294,6 +324,13 @@ def test_what_does_not_even_run_is_told_and_stops_nothing_after_it(run):
         f"{task.title}: raised. KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)
     ]
     assert last == "8 of 10 proven."
+
+
+def test_the_lab_and_notebook_4_race_every_rule_at_the_same_step_sizes():
+    for name in ("lab", "04-variable-lambda"):
+        source = (handouts.NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8")
+        assert "walk.race(" in source
+        assert "step_sizes=" not in source
 
 
 def test_each_cell_to_fill_has_a_solution_and_the_students_archive_none():

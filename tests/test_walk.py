@@ -50,6 +50,13 @@ def test_each_rule_is_judged_at_the_step_size_that_other_walks_chose(monkeypatch
     ]
 
 
+def test_no_rule_of_the_race_would_rather_have_a_step_size_beyond_those_that_it_offers():
+    rules = ["fixed:0", "fixed:0.8", *(f"fletcher-reeves:on_zero={guard}" for guard in (0, 0.8, 1))]
+    beyond = 0.01, *walk.RACE_SIZES, 1.2
+    race = walk.race({rule: rule for rule in rules}, judge=[1000], step_sizes=beyond)
+    assert {*race.step_size.values()} <= {*walk.RACE_SIZES}
+
+
 def test_weights_that_are_lost_are_a_great_error_and_no_gap_in_the_race():
     rules = {"λ = 0": "fixed:0", "grows": "fixed:1"}
     race = walk.race(rules, choose=range(2), judge=range(1000, 1003), step_sizes=(100.0,))

@@ -5,9 +5,9 @@ it takes the student's answers (numbers, arrays, functions), returns nothing, or
 else raises `Wrong` with a hint. Called in a notebook, it prints one line; `report` prints all of them once more:
 
     proven    the property holds
-    blank     an answer is None or ..., or a function that returns such, or has such a value
+    blank     an answer is None or ..., or a function that returns ..., or has such a value
     wrong     it does not hold, with the hint
-    raised    the student's code raised, with what
+    raised    the student's code raised, with the line of its cell and what
 
 Nothing that a student writes stops the notebook. Trials are random, from a generator of a given seed.
 """
@@ -94,7 +94,7 @@ def report() -> None:
 
 
 def _asked(answer: Any) -> Any:
-    """The answer; a function says Blank where it would return nothing, a dictionary if one of its values is missing."""
+    """The answer; a function says Blank where it would return ..., a dictionary if one of its values is missing."""
     if answer is None or answer is ...:
         raise Blank
     if isinstance(answer, dict):
@@ -104,7 +104,12 @@ def _asked(answer: Any) -> Any:
 
     @wraps(answer)
     def asked(*arguments: Any, **keywords: Any) -> Any:
-        return _asked(answer(*arguments, **keywords))
+        if (given := answer(*arguments, **keywords)) is None:
+            errors = {"delta": "δ", "delta_prev": "δ before"}
+            case = ", ".join(f"{error} = {keywords[name]:.3g}" for name, error in errors.items() if name in keywords)
+            told = f"Your function gave None{f' with {case}' if case else ''}"
+            raise Wrong(f"{told}: is a `return` missing, or a case not covered?")
+        return _asked(given)
 
     return asked
 
@@ -443,8 +448,7 @@ def reach(changed: Any, states: Sequence[int]) -> None:
 
 @check("5a · a rule")
 def a_rule(rule: Any) -> None:
-    """It is a lambda rule: it takes the six keywords, and whatever they are it gives one finite number in [0, 1], or
-    says by an ArithmeticError that there is none.
+    """It is a lambda rule: it takes the six keywords, and whatever they are it gives one finite number in [0, 1].
 
     rule: see `lambdas`.
     """
@@ -456,20 +460,23 @@ def a_rule(rule: Any) -> None:
         ) from None
     rng = np.random.default_rng(SEED)
     for trial in range(300):
-        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2)).tolist()
+        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
         arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
         before = {name: array.copy() for name, array in arrays.items()}
+        met = f"with δ = {delta:.3g} after {delta_prev:.3g}"
         try:
             with np.errstate(all="ignore"):
                 lambda_t = rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays)
         except ArithmeticError:
-            continue
+            ask = "`if delta_prev == 0: return ...`" if delta_prev == 0 else "ask for 0 before you divide."
+            raise Wrong(f"It divides by 0 {met}. Say which λ stands in there: {ask}") from None
         for name, array in before.items():
             if not alike(arrays[name], array):
                 raise Wrong(f"It changes {name}, which belongs to the learner: work on a copy.")
         if np.ndim(lambda_t):
             raise Wrong("It gives an array; λ is one number for the step. Of two vectors, `phi @ phi_prev` is one.")
-        met = f"with δ = {delta:.3g} after {delta_prev:.3g}"
+        if np.asarray(lambda_t).dtype.kind not in "biuf":
+            raise Wrong(f"It gives a {type(lambda_t).__name__}; λ is a number.")
         if not np.isfinite(lambda_t):
             raise Wrong(f"It gives {lambda_t} {met}: NumPy divides by 0 without a word. Ask for 0 before you divide.")
         if lambda_t > 1:
@@ -499,7 +506,7 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
     )
     if against.word != "worse":
         return told
-    undefined, kept = _asked_how_often(rule, judge[0])
+    undefined, kept = _asked_how_often(rule, judge, found.step_size["the rule"])
     why = "With which λ would the reward of an end reach the middle sooner?"
     if undefined > 0.2:
         why = f"In {undefined:.0%} of the steps it has no λ, and the guard is 0. What is it to be where δ before is 0?"
@@ -514,8 +521,8 @@ WORDS = {"better": "better", "worse": "worse", "comparable": "a tie", "open": "a
 """What a comparison is called here: a tie is all that is neither better nor worse."""
 
 
-def _asked_how_often(rule: Any, seed: int) -> tuple[float, float]:
-    """On one walk: the share of the steps at which a rule has no λ, and the mean of those that it has."""
+def _asked_how_often(rule: Any, seeds: Sequence[int], step_size: float) -> tuple[float, float]:
+    """On the walks of these seeds: the share of the steps at which a rule has no λ, and the mean of those it has."""
     given: list[float] = []
 
     def noting(**step: Any) -> float:
@@ -523,8 +530,10 @@ def _asked_how_often(rule: Any, seed: int) -> tuple[float, float]:
         given[-1] = rule(**step)
         return given[-1]
 
-    walk.learning(noting, seed, 0.1)
-    return float(np.mean(np.isnan(given))), float(np.nanmean(given)) if not np.isnan(given).all() else 0.0
+    for seed in seeds:
+        walk.learning(noting, seed, step_size)
+    has = np.clip(given, 0, 1)[~np.isnan(given)]
+    return 1 - len(has) / len(given), float(has.mean()) if len(has) else 0.0
 
 
 # --- Task 6: the robot -----------------------------------------------------------------------------------------------

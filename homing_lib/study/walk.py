@@ -21,6 +21,7 @@ from homing_lib.td import LinearTD
 
 EPISODES = 10
 STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
+RACE_SIZES = (0.02, *STEP_SIZES)  # for a race, in which a rule that keeps the whole trace asks for smaller ones
 VALUES = np.arange(-9, 10) / 10
 _PHI = np.eye(20, 19)
 
@@ -97,7 +98,7 @@ def race(
     rules: Mapping[str, LambdaRule | str],
     choose: Sequence[int] = range(6),
     judge: Sequence[int] = range(1000, 1020),
-    step_sizes: Sequence[float] = STEP_SIZES,
+    step_sizes: Sequence[float] = RACE_SIZES,
 ) -> Race:
     """Race rules against the first of them: each has the step size that is best on the walks of the seeds `choose`,
     and is judged on those of `judge`, which it has not met. TypeError, before any run, names the label of what is no
