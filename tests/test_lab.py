@@ -29,7 +29,7 @@ ANSWERS = {
     "wrong. You squared it.": lambda x: x * x,
     "wrong. Not the double.": lambda x: -x,
     "blank. Nothing is checked yet.": lambda x: ...,
-    "raised. ZeroDivisionError: division by zero": lambda x: 1 / 0,
+    "raised. Line 3: ZeroDivisionError: division by zero": eval("(\n\nlambda x: 1 / 0)"),
 }
 
 
@@ -73,6 +73,23 @@ def test_the_report_says_of_each_check_what_was_found_last(capsys, monkeypatch):
         "3 left out: blank. Its cell was not run.",
         "1 of 3 proven.",
     ]
+
+
+def test_an_answer_that_was_given_before_the_rule_changed_is_no_longer_proven(capsys, monkeypatch):
+    monkeypatch.setattr(lab, "RECORD", {})
+    monkeypatch.setattr(lab, "TASKS", (lab.a_rule, lab.read))
+    lab.a_rule(lambda **_: 0.5)
+    words = {"fixed 0": "better", "form 2": "tie", "gate": "worse", "the climb": "better"}
+    for again, told in ((False, "2 of 2 proven."), (True, "1 of 2 proven."), (False, "2 of 2 proven.")):
+        if again:
+            lab.a_rule(lambda **_: 0.6)
+        else:
+            lab.read(words, DRIVEN)
+        capsys.readouterr()
+        lab.report()
+        *_, read, last = capsys.readouterr().out.splitlines()
+        assert last == told
+        assert ("blank. It was answered for an earlier rule" in read) == again
 
 
 def test_numbers_of_another_shape_are_not_alike_and_rounding_is():
@@ -173,32 +190,37 @@ MISTAKES = {
         "not for the feature before": form_1(of="phi_prev"),
         "δ once too often": form_1(along="g"),
         "not at right angles": form_1(along="phi_prev"),
+        "this is an array": lambda *, phi, trace_prev, discount, **_: -phi * phi / (discount * trace_prev),
     },
     lab.first_reset: {
         "at the first step there is no step before": (1, 28),
         "one too early": (5, 28),
+        "its entry 0 belongs to step 2": (4, 28),
         "it was below 0 already": (8, 28),
         "γ is missing": (7, 36),
         "too late": (7, 28),
         "within \\[0, 1\\], and none left it before": (3, 28),
-        "a step is one of": (0, 28),
+        "a step is one whole number": ("step 6", 28),
     },
     lab.guards: {
         "not the one that is lost": ({0: 1, 0.8: 0.2, 1: 0}, EPISODE),
         "the guard stands in": ({0: 0, 0.8: 0, 1: 0}, EPISODE),
         "do not all act alike": ({0: 0.8, 0.8: 0.8, 1: 0.8}, EPISODE),
         "what are δ and the δ before": ({0: 0, 0.8: 0.5, 1: 1}, EPISODE),
-        "is missing": ({0: 0, 1: 1}, EPISODE),
+        "0.8 is missing": ({0: 0, 1: 1}, EPISODE),
+        "write a dictionary: \\{0: ..., 0.8: ..., 1: ...\\}": ([0, 0.8, 1], EPISODE),
         "a number from 0 to 1": ({0: "zero", 0.8: 0.8, 1: 1}, EPISODE),
     },
     lab.reach: {
         "something is learnt": ({0: 0, 0.8: 10, 1: 10}, EPISODE),
         "the last feature alone": ({0: 10, 0.8: 10, 1: 10}, EPISODE),
         "is one state": ({0: 1, 0.8: 10, 1: len(EPISODE) - 1}, EPISODE),
+        "is beyond the end": ({0: 1, 0.8: 10, 1: len(set(EPISODE))}, EPISODE),
         "not visited": ({0: 1, 0.8: 10, 1: 19}, EPISODE),
         "never quite": ({0: 1, 0.8: 5, 1: 10}, EPISODE),
         "only states on the way": ({0: 1, 0.8: 12, 1: 10}, EPISODE),
-        "is missing": ({0: 1, 1: 10}, EPISODE),
+        "0.8 is missing": ({0: 1, 1: 10}, EPISODE),
+        "write a dictionary": ([1, 10, 10], EPISODE),
     },
     lab.a_rule: {
         "called by keyword": lambda delta, delta_prev: 0.5,
@@ -226,6 +248,7 @@ MISTAKES = {
             DRIVEN,
         ),
         "the climb is missing": ({"fixed 0": "better", "form 2": "tie", "gate": "worse"}, DRIVEN),
+        "write a dictionary": ("better", DRIVEN),
         "say better": ({"fixed 0": "faster", "form 2": "tie", "gate": "worse", "the climb": "tie"}, DRIVEN),
     },
 }
@@ -248,6 +271,18 @@ def test_each_usual_mistake_gets_a_hint_of_its_own(task, hint):
     assert found.verdict == "wrong"
     own = [one for one in MISTAKES[task] if re.search(one, found.told, re.I)]
     assert own == [hint], found.told
+
+
+@pytest.mark.parametrize("answer", [6, 6.0, np.int64(6)])
+def test_a_step_may_be_any_kind_of_whole_number(answer):
+    assert lab.first_reset.judge(answer, 28).verdict == "proven"
+
+
+def test_without_the_minus_what_should_be_0_is_twice_what_the_hint_says():
+    rng = np.random.default_rng(0)
+    change, e, phi = rng.normal(size=(3, 4))
+    without = (change @ phi) / (0.9 * change @ e)
+    assert change @ (0.9 * without * e + phi) == pytest.approx(2 * change @ phi)
 
 
 def test_each_check_of_the_lab_says_what_it_proves_and_three_mistakes_of_each_are_recorded():
@@ -278,7 +313,7 @@ def test_a_rule_that_loses_the_race_hears_its_interval_and_why(hint):
     with pytest.raises(lab.Wrong) as lost:
         lab.raced(RACED[hint], judge=range(1000, 1006), choose=range(2))
     told = str(lost.value)
-    assert re.match(r"Its error is \d\.\d\d \[.*\] .* of that of λ = \.8, at α = [\d.]+: worse\. ", told)
+    assert re.match(r"Its error is \d\.\d\d \[.*\] .* of that of λ = 0\.8, at α = [\d.]+: worse\. ", told)
     assert [one for one in RACED if one in told] == [hint]
 
 
@@ -287,7 +322,10 @@ def test_a_rule_that_loses_the_race_hears_its_interval_and_why(hint):
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """Runs the code of the lab with some answers, on few walks and seeds; returns what its last cell printed."""
+    """Runs the code of the lab with some answers, on few walks and seeds; returns the lines of its report.
+
+    What it defines and what the cell after the report prints are `run.names` and `run.recap`.
+    """
     race = walk.race
     monkeypatch.setattr(walk, "race", lambda rules, *_, **__: race(rules, range(2), range(1000, 1006), (0.1, 0.3)))
     monkeypatch.setattr(lab, "robot", partial(lab.robot, seeds=range(2)))
@@ -295,12 +333,14 @@ def run(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pybullet", None)
 
     def run(answers):
-        names = {}
+        run.names, printed = {}, {}
         for cell in handouts.filled(answers).cells:
             if cell.cell_type == "code":
                 capsys.readouterr()
-                exec(cell.source, names)
-        return capsys.readouterr().out.splitlines()
+                exec(cell.source, run.names)
+                printed[cell.id] = capsys.readouterr().out.splitlines()
+        run.recap = printed["recap"]
+        return printed["report"]
 
     return run
 
@@ -309,19 +349,41 @@ def test_with_the_solutions_the_lab_runs_to_its_last_cell_and_proves_everything(
     *found, last = run(handouts.solutions())
     assert [re.match(r".*?: (\w+)\. ", line)[1] for line in found] == ["proven"] * len(lab.TASKS)
     assert last == "10 of 10 proven."
+    assert [line[:4] for line in run.recap] == [f"{task} · " for task in range(1, 7)]
+
+
+def test_the_recap_says_what_was_computed(capsys):
+    errors = {"λ = 0.8": 2, "λ = 0": 4, "form 2, guard 0": 5, "form 2, guard 0.8": 2, "form 2, guard 1": 8}
+    raced = walk.Race({}, dict.fromkeys(errors, 0.1), {label: np.full(3, error) for label, error in errors.items()})
+    mine, climb = np.array([[80.0, 60, 40, 35]]), np.full((1, 4), 50.0)
+    told = []
+    for first in (mine, mine + 20):
+        lab.recap(lab.parting(28), raced, Rules({"my rule": first, "the climb": climb}))
+        told.append(capsys.readouterr().out.splitlines())
+    once, never = told
+    assert "is -1 times form 2" in once[1]
+    assert "at step 6;" in once[2]
+    assert "does not come back" in once[2]
+    assert "a factor of up to 4.00; from that of λ fixed at its guard, by 1.25. The guard moves it more." in once[3]
+    assert "takes 50 steps per episode; my rule needs as few in episode 3, and before that 40 steps more" in once[5]
+    assert "in 4 episodes never as few, and before that 95 steps more" in never[5]
 
 
 def test_left_blank_the_lab_runs_to_its_last_cell_and_says_so(run):
     *found, last = run({})
     assert found == [f"{task.title}: blank. Nothing is checked yet." for task in lab.TASKS]
     assert last == "0 of 10 proven."
+    mine, *others = run.names["found"].steps
+    assert mine == "λ = 0.8, stand-in"
+    assert [*run.names["words"]] == others
+    assert mine in run.recap[-1]
 
 
 def test_what_does_not_even_run_is_told_and_stops_nothing_after_it(run):
     broken = "def my_rule(**step):\n    return 1 + step['delta_before']"
     *found, last = run(handouts.solutions() | {"rule": broken})
     assert [line for line in found if "proven" not in line] == [
-        f"{task.title}: raised. KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)
+        f"{task.title}: raised. Line 2: KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)
     ]
     assert last == "8 of 10 proven."
 

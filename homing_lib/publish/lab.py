@@ -14,7 +14,9 @@ Nothing that a student writes stops the notebook. Trials are random, from a gene
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper, wraps
+from math import ceil, log
 from numbers import Real
+from traceback import walk_tb
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -49,7 +51,7 @@ class Outcome(NamedTuple):
         return f"{self.title}: {self.verdict}. {self.told}"
 
 
-RECORD: dict[str, Outcome] = {}  # what was found last, by title
+RECORD: dict[str, Outcome] = {}  # what was found last, by title, in the order in which it was found
 
 
 class Check:
@@ -73,11 +75,14 @@ class Check:
         except Wrong as hint:
             return Outcome(self.title, "wrong", str(hint))
         except Exception as error:  # whatever a student may write
-            return Outcome(self.title, "raised", f"{type(error).__name__}: {' '.join(str(error).split())[:200]}")
+            told = f"{_line(error)}{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            return Outcome(self.title, "raised", told)
         return Outcome(self.title, "proven", " ".join(filter(None, (self.proves, remark))))
 
     def __call__(self, *answers: Any) -> None:
-        RECORD[self.title] = outcome = self.judge(*answers)
+        outcome = self.judge(*answers)
+        RECORD.pop(self.title, None)
+        RECORD[self.title] = outcome  # as the last
         print(outcome)
 
 
@@ -89,8 +94,52 @@ def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
 def report() -> None:
     """Print what was found of each task of the lab, and how many are proven."""
     found = [RECORD.get(task.title, Outcome(task.title, "blank", "Its cell was not run.")) for task in TASKS]
+    order = [*RECORD]
+    earlier = order[: order.index(a_rule.title)] if a_rule.title in order else []
+    for at, (title, verdict, _) in enumerate(found):
+        if verdict == "proven" and title in earlier and title in (race.title, read.title):
+            found[at] = Outcome(title, "blank", "It was answered for an earlier rule: run its cells again.")
     print(*found, sep="\n")
     print(f"{sum(outcome.verdict == 'proven' for outcome in found)} of {len(TASKS)} proven.")
+
+
+def recap(seen: "Parting", raced: walk.Race, found: rules.Rules) -> None:
+    """Print what each task should have shown, in a line each. seen, raced, found: what tasks 3, 4 and 6 computed."""
+    print(
+        f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {ceil(log(0.5) / log(0.72))} steps."
+    )
+    printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
+    print(f"2 · On a quadratic the printed form 1 is {np.mean(printed / form_2):.0f} times form 2, at every step.")
+    after = seen.reset[seen.first - 1 :]
+    back = "it comes back" if after.min() < 1e-6 else "it does not come back: each direction is built on the one before"
+    told = f"They part at step {seen.first}; from there on δe is {after.min():.1g} |p| from p, or more, and {back}."
+    print(f"3 · {told if seen.first else 'No λ leaves [0, 1] here, and they do not part.'}")
+    errors = {label: of_rule.mean() for label, of_rule in raced.errors.items()}
+    guarded = [errors[f"form 2, guard {guard:g}"] for guard in GUARDS]
+    by_guard = max(guarded) / min(guarded)
+    to_fixed = guarded[0] / errors["λ = 0"], guarded[1] / errors["λ = 0.8"]
+    by_ratio = max(max(one, 1 / one) for one in to_fixed)
+    print(
+        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; from that of λ fixed at "
+        f"its guard, by {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
+    )
+    undefined, _ = _asked_how_often(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
+    print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
+    (mine, learns), *_ = ((label, steps.mean(axis=0)) for label, steps in found.steps.items())
+    climb = found.steps["the climb"].mean()
+    caught = [*np.flatnonzero(learns <= climb), len(learns)][0]
+    when = f"needs as few in episode {caught + 1}" if caught < len(learns) else f"in {caught} episodes never as few"
+    print(
+        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and before that "
+        f"{(learns[:caught] - climb).sum():.0f} steps more in all. The robot pays for those."
+    )
+
+
+def _line(error: Exception) -> str:
+    """Of the student's function that raised: "Line 2: ", in its cell. Empty if it was none."""
+    frames = [(frame.f_code, line) for frame, line in walk_tb(error.__traceback__)]
+    wrapped = [at for at, (code, _) in enumerate(frames) if (code.co_name, code.co_filename) == ("asked", __file__)]
+    return f"Line {frames[wrapped[-1] + 1][1]}: " if wrapped and len(frames) > wrapped[-1] + 1 else ""
 
 
 def _asked(answer: Any) -> Any:
@@ -276,14 +325,15 @@ def form_1(rule: Any) -> None:
         gamma = rng.uniform(0.5, 0.95)
         change = delta * phi - delta_prev * phi_prev
         late = phi - phi_prev  # δ before taken for δ, or none at all
-        lambda_t = float(
-            rule(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma)
-        )
+        given = rule(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma)
+        if np.ndim(given):
+            raise Wrong("This is an array, and λ is one number: of two vectors, `a @ b` is one, `a * b` is none.")
+        lambda_t = float(given)
         along = change @ (gamma * lambda_t * e + phi)
         if abs(along) < 1e-9 * np.linalg.norm(change) * np.linalg.norm(gamma * lambda_t * e + phi):
             continue
         mistakes = {
-            "The minus is missing: it turns the step away from the change of the gradient.": (change @ phi)
+            "The minus is missing: with this λ, Δg·(γλe + φ) is not 0 but 2 Δg·φ.": (change @ phi)
             / (gamma * change @ e),
             "γ is missing in the denominator.": -(change @ phi) / (change @ e),
             "Δg is the change of δφ: each feature goes with the error of its own step.": -(late @ phi)
@@ -353,17 +403,20 @@ def first_reset(predicted: Any, seed: int) -> str:
     predicted: a step, 1, 2, ...; seed: of `parting`.
     """
     found = parting(seed)
-    if isinstance(predicted, bool) or int(predicted) != predicted or not 1 <= predicted <= STEPS:
-        raise Wrong(f"A step is one of 1, 2, ..., {STEPS}.")
+    if not isinstance(predicted, Real) or isinstance(predicted, bool) or predicted not in range(1, STEPS + 1):
+        raise Wrong(f"A step is one whole number: 1, 2, ..., or {STEPS}.")
+    predicted = round(float(predicted))
     apart = np.flatnonzero(found.reset > 1e-6)
     if apart.size and predicted == apart[0] + 1:
-        return f"Here that is step {predicted}, where (7) gives λ = {found.ratio[predicted - 1]:.2f}."
+        return f"Here that is step {predicted}, where form 2 gives λ = {found.ratio[predicted - 1]:.2f}."
     above = np.flatnonzero(found.ratio > 1)
     no_gamma = np.flatnonzero((found.ratio * GAMMA > 1) | (found.ratio < 0))
     if predicted == 1:
         raise Wrong("At the first step there is no step before: λ is 0 there, and nothing is reset.")
     if predicted == found.first - 1:
         raise Wrong("One too early. Steps count from 1, and the ratio of step t has δ of step t above, of t - 1 below.")
+    if predicted == found.first - 2:
+        raise Wrong("Two too early. If you computed an array of ratios: its entry 0 belongs to step 2.")
     if above.size and predicted == above[0] + 1:
         raise Wrong("There λ passes 1, but before that it was below 0 already, which is outside [0, 1], too.")
     if no_gamma.size and predicted == no_gamma[0] + 1:
@@ -377,7 +430,7 @@ def first_reset(predicted: Any, seed: int) -> str:
 
 # --- Task 4: 0/0 -----------------------------------------------------------------------------------------------------
 
-GUARDS = (0.0, 0.8, 1.0)
+GUARDS = (0, 0.8, 1)
 
 
 def first_episode(rule: lambdas.LambdaRule, states: Sequence[int], on_zero: float = 0.0) -> Array:
@@ -393,6 +446,7 @@ def guards(same_as: Any, states: Sequence[int]) -> None:
 
     same_as: by guard, 0, .8 and 1, a fixed λ; states: of the walk.
     """
+    _complete(same_as, GUARDS)
     wrong = {guard: _lambda_of(same_as, guard) for guard in GUARDS}
     for guard, fixed in wrong.items():
         with_guard = first_episode(lambdas.fletcher_reeves, states, guard)
@@ -407,9 +461,16 @@ def guards(same_as: Any, states: Sequence[int]) -> None:
         raise Wrong(f"With the guard {guard:g} it is another λ: what are δ and the δ before, until the end is reached?")
 
 
+def _complete(answers: Any, keys: Sequence[Any]) -> None:
+    """Wrong for what is no dictionary with these keys."""
+    if not isinstance(answers, Mapping):
+        raise Wrong(f"Write a dictionary: {{{', '.join(f'{key!r}: ...' for key in keys)}}}.")
+    for key in keys:
+        if key not in answers:
+            raise Wrong(f"{key} is missing.")
+
+
 def _lambda_of(same_as: Any, guard: float) -> float:
-    if guard not in same_as:
-        raise Wrong(f"The guard {guard:g} is missing.")
     if not isinstance(same_as[guard], Real) or not 0 <= same_as[guard] <= 1:
         raise Wrong(f"With the guard {guard:g}: a fixed λ is a number from 0 to 1.")
     return float(same_as[guard])
@@ -421,10 +482,9 @@ def reach(changed: Any, states: Sequence[int]) -> None:
 
     changed: by guard, 0, .8 and 1, a number of states; states: of the walk.
     """
+    _complete(changed, GUARDS)
     visited = len(set(states[:-1]))
     for guard in GUARDS:
-        if guard not in changed:
-            raise Wrong(f"The guard {guard:g} is missing.")
         found, said = np.count_nonzero(first_episode(lambdas.fletcher_reeves, states, guard)), changed[guard]
         if said == found:
             continue
@@ -436,6 +496,8 @@ def reach(changed: Any, states: Sequence[int]) -> None:
             raise Wrong("With the guard 0 the trace holds the last feature alone.")
         if said == len(states) - 1:
             raise Wrong("Those are the steps; a state that is visited twice is one state.")
+        if said == visited + 1:
+            raise Wrong(f"One too many: {states[-1]} is beyond the end, and no state.")
         if said == 19:
             raise Wrong("A state that was not visited has no trace, whatever the guard.")
         if said < visited:
@@ -485,24 +547,27 @@ def a_rule(rule: Any) -> None:
             raise Wrong(f"It gives {lambda_t:.3g} {met}: below 0. max(0, ...) says what to do where the signs differ.")
 
 
+HELD_OUT = range(1000, 1020)
+
+
 @check("5b · the race")
 def race(rule: Any) -> str:
-    """On walks held out, with a step size chosen on others, the rule is not shown to be worse than λ = .8."""
-    return raced(rule, range(1000, 1020))
+    """On walks held out, with a step size chosen on others, the rule is not shown to be worse than λ = 0.8."""
+    return raced(rule, HELD_OUT)
 
 
 @check("practice")
 def practice(rule: Any) -> str:
-    """On the walks to practise on, the rule is not shown to be worse than λ = .8."""
+    """On the walks to practise on, the rule is not shown to be worse than λ = 0.8."""
     return raced(rule, range(100, 110))
 
 
 def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> str:
     """What to say of a rule that does not lose, Wrong for one that does. judge, choose: seeds as of `walk.race`."""
-    found = walk.race({"λ = .8": lambdas.Fixed(0.8), "the rule": rule}, choose, judge)
+    found = walk.race({"λ = 0.8": lambdas.Fixed(0.8), "the rule": rule}, choose, judge)
     against = found.verdicts["the rule"]
     told = (
-        f"Its error is {against:.2f} of that of λ = .8, at α = {found.step_size['the rule']:g}: {WORDS[against.word]}."
+        f"Its error is {against:.2f} of that of λ = 0.8, at α = {found.step_size['the rule']:g}: {WORDS[against.word]}."
     )
     if against.word != "worse":
         return told
@@ -517,7 +582,7 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
     raise Wrong(f"{told} {why}")
 
 
-WORDS = {"better": "better", "worse": "worse", "comparable": "a tie", "open": "a tie, for nothing is decided"}
+WORDS = {"better": "better", "worse": "worse", "comparable": "tie", "open": "tie"}
 """What a comparison is called here: a tie is all that is neither better nor worse."""
 
 
@@ -538,20 +603,19 @@ def _asked_how_often(rule: Any, seeds: Sequence[int], step_size: float) -> tuple
 
 # --- Task 6: the robot -----------------------------------------------------------------------------------------------
 
-MINE = "my rule"
-
 
 def robot(rule: lambdas.LambdaRule, seeds: Sequence[int] = range(10)) -> rules.Rules:
     """The rule drives the robot on the compact atlas, against fixed 0, form 2, the best other rule of the studies, and
-    the climb up the similarity, which learns nothing. Where the rule is none, λ = .8 drives in its stead.
+    the climb up the similarity, which learns nothing. Where the rule is none, λ = 0.8 drives in its stead.
     """
+    mine = "my rule"
     if (outcome := a_rule.judge(rule)).verdict != "proven":
-        print(f"{outcome}\nFixed λ = .8 drives in its stead.")
-        rule = lambdas.Fixed(0.8)
+        print(f"{outcome}\nFixed λ = 0.8 drives in its stead.")
+        mine, rule = "λ = 0.8, stand-in", lambdas.Fixed(0.8)
     compact = Settings(images="compact")
     best = next(label for label in mechanism.ranking(load_table(mechanism.MECHANISM)) if label not in RIVALS)
     names = {label: lambdas.parse(mechanism.CORE[label]).rule for label in (*RIVALS, best)}
-    learnt = rules.compare({MINE: rule} | names, seeds, compact).steps
+    learnt = rules.compare({mine: rule} | names, seeds, compact).steps
     climb = by_episode([run(compact.with_changes(controller="climb"), seed) for seed in seeds])
     return rules.Rules({**learnt, "the climb": climb})
 
@@ -561,9 +625,13 @@ RIVALS = ("fixed 0", "form 2")
 
 def table(found: rules.Rules) -> str:
     """The drivers' late steps as a multiple of those of the rule, without verdicts, in Markdown."""
-    rows = [f"| driver | steps, last {WINDOW} episodes | as a multiple of mine, typical | mean |", "|---|---|---|---|"]
+    mine = next(iter(found.steps))
+    rows = [
+        f"| driver | steps, last {WINDOW} episodes | as a multiple of {mine}, typical | mean |",
+        "|---|---|---|---|",
+    ]
     for label, steps in found.steps.items():
-        ratios = " | ".join(f"{one:.2f}" for one in found.verdicts[label]) if label != MINE else "1 | 1"
+        ratios = " | ".join(f"{one:.2f}" for one in found.verdicts[label]) if label != mine else "1 | 1"
         rows.append(f"| {label} | {steps[:, -WINDOW:].mean():.1f} | {ratios} |")
     return "\n".join(rows)
 
@@ -574,10 +642,9 @@ def read(words: Any, found: rules.Rules) -> str:
 
     words: by driver, "better", "worse" or "tie": what my rule is.
     """
+    _complete(words, [*found.verdicts])
     mine = {"better": "worse", "worse": "better"}  # by what the other is
     for label, against in found.verdicts.items():
-        if label not in words:
-            raise Wrong(f"{label} is missing.")
         said, right = words[label], mine.get(against.word, "tie")
         if said not in ("better", "worse", "tie"):
             raise Wrong(f"{label}: say better, worse or tie.")

@@ -52,7 +52,7 @@ def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str,
         axes.set(title=name, xlabel="step $t$", yscale="log", ylim=(floor / 3, 1e3), xlim=(1, step[-1]))
         axes.set_xticks(step[:: max(1, step.size // 4)])
     panels[-1].annotate("reset to [0, 1]", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
-    panels[-1].annotate("as (7) gives it", (0.97, 0.2), xycoords="axes fraction", ha="right", color=BLUE)
+    panels[-1].annotate("without a reset", (0.97, 0.2), xycoords="axes fraction", ha="right", color=BLUE)
     panels[0].set_ylabel("relative distance from $p_t$")
     return figure
 
@@ -136,7 +136,9 @@ def rules(found: Rules) -> Figure:
     ends = _learning(learning, found.steps)
     learning.set(title=f"mean of {len(steps)} seeds", ylabel="steps per episode")
     drawing.label_ends(learning, ends)
-    draw_column(against, compared(f"late steps / those of {first}", found.verdicts), list(found.verdicts), narrow=True)
+    label = f"late steps / those of {first}\n(mark and line: typical; upright bar: mean)"
+    draw_column(against, compared(label, found.verdicts, key=False), list(found.verdicts), narrow=True)
+    against.set_title(f"left of 1: fewer steps than {first}")
     against.set_yticks(range(len(found.verdicts)), list(found.verdicts))
     against.set_xlabel(against.get_xlabel(), loc="right")  # a long name reaches left, not over the edge
     return figure

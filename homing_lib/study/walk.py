@@ -84,12 +84,20 @@ class Race:
         return {label: claims.compare(self.errors[label], self.errors[first]) for label in others}
 
     def __str__(self) -> str:
+        return self.table({})
+
+    def table(self, words: Mapping[str, str]) -> str:
+        """In Markdown; words: what a verdict is called, if not by its own word."""
         verdicts, (first, *_) = self.verdicts, self.errors
         walks = len(self.errors[first])
         rows = [f"| rule | its step size | error on {walks} new walks | as a multiple of {first} | |"]
         rows.append("|---|---|---|---|---|")
         for label, errors in self.errors.items():
-            told = f"{verdicts[label]:.2f} | {verdicts[label].word}" if label in verdicts else "1 |"
+            told = (
+                f"{verdicts[label]:.2f} | {words.get(verdicts[label].word, verdicts[label].word)}"
+                if label in verdicts
+                else "1 |"
+            )
             rows.append(f"| {label} | {self.step_size[label]:g} | {errors.mean():.3f} | {told} |")
         return "\n".join(rows)
 
