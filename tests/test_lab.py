@@ -364,9 +364,9 @@ def test_the_recap_says_what_was_computed(capsys):
     assert "is -1 times form 2" in once[1]
     assert "at step 6;" in once[2]
     assert "does not come back" in once[2]
-    assert "a factor of up to 4.00; from that of λ fixed at its guard, by 1.25. The guard moves it more." in once[3]
-    assert "takes 50 steps per episode; my rule needs as few in episode 3, and before that 40 steps more" in once[5]
-    assert "in 4 episodes never as few, and before that 95 steps more" in never[5]
+    assert "a factor of up to 4.00; guards 0 and 0.8 from λ = 0 and 0.8 by up to 1.25. The guard" in once[3]
+    assert "takes 50 steps per episode; my rule takes as few in episode 3, and by then 40 more in all." in once[5]
+    assert "my rule takes more in each of 4 episodes, and by then 95 more in all." in never[5]
 
 
 def test_left_blank_the_lab_runs_to_its_last_cell_and_says_so(run):

@@ -123,6 +123,11 @@ def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
     assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
     assert [verdict.word for verdict in found.verdicts.values()] == ["comparable", "worse"]
     assert marks(against) == [("D", True), ("s", True)]
+    assert against.get_title(loc="left") == "left of 1: fewer steps"
+    assert against.get_xlabel().splitlines() == [
+        "late steps / those of form 2",
+        "(mark and line: typical; upright bar: mean)",
+    ]
 
 
 def test_panels_of_different_kinds_name_and_scale_their_own_axis():

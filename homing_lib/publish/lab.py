@@ -109,7 +109,9 @@ def recap(seen: "Parting", raced: walk.Race, found: rules.Rules) -> None:
         f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {ceil(log(0.5) / log(0.72))} steps."
     )
     printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
-    print(f"2 · On a quadratic the printed form 1 is {np.mean(printed / form_2):.0f} times form 2, at every step.")
+    print(
+        f"2 · On a quadratic the printed form 1 is {np.mean(printed / form_2):.0f} times form 2, so the sign got lost."
+    )
     after = seen.reset[seen.first - 1 :]
     back = "it comes back" if after.min() < 1e-6 else "it does not come back: each direction is built on the one before"
     told = f"They part at step {seen.first}; from there on δe is {after.min():.1g} |p| from p, or more, and {back}."
@@ -120,18 +122,20 @@ def recap(seen: "Parting", raced: walk.Race, found: rules.Rules) -> None:
     to_fixed = guarded[0] / errors["λ = 0"], guarded[1] / errors["λ = 0.8"]
     by_ratio = max(max(one, 1 / one) for one in to_fixed)
     print(
-        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; from that of λ fixed at "
-        f"its guard, by {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
+        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; guards 0 and 0.8 from "
+        f"λ = 0 and 0.8 by up to {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
     )
     undefined, _ = _asked_how_often(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
     print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
     (mine, learns), *_ = ((label, steps.mean(axis=0)) for label, steps in found.steps.items())
     climb = found.steps["the climb"].mean()
     caught = [*np.flatnonzero(learns <= climb), len(learns)][0]
-    when = f"needs as few in episode {caught + 1}" if caught < len(learns) else f"in {caught} episodes never as few"
+    when = (
+        f"takes as few in episode {caught + 1}" if caught < len(learns) else f"takes more in each of {caught} episodes"
+    )
     print(
-        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and before that "
-        f"{(learns[:caught] - climb).sum():.0f} steps more in all. The robot pays for those."
+        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then "
+        f"{(learns[:caught] - climb).sum():.0f} more in all. The robot pays for those."
     )
 
 

@@ -138,7 +138,7 @@ def rules(found: Rules) -> Figure:
     drawing.label_ends(learning, ends)
     label = f"late steps / those of {first}\n(mark and line: typical; upright bar: mean)"
     draw_column(against, compared(label, found.verdicts, key=False), list(found.verdicts), narrow=True)
-    against.set_title(f"left of 1: fewer steps than {first}")
+    against.set_title("left of 1: fewer steps")
     against.set_yticks(range(len(found.verdicts)), list(found.verdicts))
     against.set_xlabel(against.get_xlabel(), loc="right")  # a long name reaches left, not over the edge
     return figure
