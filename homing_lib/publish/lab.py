@@ -127,7 +127,8 @@ def recap(seen: "Parting", raced: walk.Race, found: rules.Rules) -> None:
     )
     undefined, _ = _asked_how_often(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
     print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
-    (mine, learns), *_ = ((label, steps.mean(axis=0)) for label, steps in found.steps.items())
+    mine = next(iter(found.steps))
+    learns = found.steps[mine].mean(axis=0)
     climb = found.steps["the climb"].mean()
     caught = [*np.flatnonzero(learns <= climb), len(learns)][0]
     when = (
