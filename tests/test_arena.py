@@ -131,7 +131,7 @@ def test_images_are_the_same_from_a_pybullet_that_was_built_without_numpy(arena,
 
     def without_numpy(*args, **options):
         width, height, *images = render(*args, **options)
-        return width, height, *(tuple(image.ravel().tolist()) for image in images)
+        return width, height, *(tuple(np.ravel(image).tolist()) for image in images)
 
     monkeypatch.setattr(pybullet, "getCameraImage", without_numpy)
     again = arena.image(PAPER.home), arena.top_view(), arena.visible(PAPER.home)
