@@ -47,6 +47,9 @@ $(shell for stamp in $(wildcard .build/numbers .build/demo .build/pages .build/n
   rm -f "$$stamp"; done)
 $(shell cmp -s paper/report.pdf .build/paper/report.pdf || rm -f .build/paper/report.pdf)
 
+# Two at a time, notebooks above all.
+MAKEFLAGS += --jobs=2
+
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:

@@ -55,9 +55,8 @@ def make(tmp_path):
 
     def make(*arguments: str) -> list[str]:
         (tmp_path / "log").write_text("")
-        done = run(
-            "make", f"PYTHON={sys.executable}", *arguments, cwd=tmp_path, path=f"{tmp_path}/bin:{os.environ['PATH']}"
-        )
+        path = f"{tmp_path}/bin:{os.environ['PATH']}"
+        done = run("make", f"PYTHON={sys.executable}", "-j1", *arguments, cwd=tmp_path, path=path)
         assert done.returncode == 0, done.stderr
         return [line.partition(" --stamp")[0] for line in (tmp_path / "log").read_text().splitlines()]
 
@@ -73,6 +72,11 @@ def later(path: Path) -> None:
 def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(make):
     assert make() == ["data", "verify", "summary", "report", "notebook 01-a", "notebook 02-b", "report", "page"]
     assert make() == ["data"]
+
+
+def test_two_at_a_time_nothing_is_made_twice_or_left_out(make):
+    one_by_one = ["data", "verify", "summary", "report", "notebook 01-a", "notebook 02-b", "report", "page"]
+    assert sorted(make("-j2")) == sorted(one_by_one)
 
 
 def test_a_touched_notebook_remakes_itself_and_the_report_only(make, tmp_path):
@@ -107,7 +111,7 @@ def test_a_touched_lecture_sets_its_slides_and_its_notes_anew_and_no_other(make,
 def test_changed_data_remake_all_that_reads_them(make, tmp_path):
     make()
     later(tmp_path / ".build/data")
-    assert make("-j1", "paper") == ["data", "report", "notebook 01-a", "notebook 02-b", "report"]
+    assert make("paper") == ["data", "report", "notebook 01-a", "notebook 02-b", "report"]
 
 
 def test_a_deleted_figure_is_made_again(make, tmp_path):
