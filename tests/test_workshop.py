@@ -165,7 +165,7 @@ def test_a_report_that_came_with_git_pull_stays_until_the_report_is_made_again(m
 def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
     for name in ("Makefile", "environment.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
-    done = run("make", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
+    done = run("make", "-j1", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
     assert done.returncode != 0
     assert (
         "homing: 'python3.11-missing' is no Python 3.11, 3.12 or 3.13 with venv; on Debian: apt-get install"
