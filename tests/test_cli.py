@@ -59,6 +59,13 @@ def test_a_file_that_cannot_be_written_is_named_in_one_line(capsys):
     assert re.match(r"homing: .*/dev/null", last)
 
 
+def test_a_long_name_is_shortened_and_the_remedy_is_still_there(capsys):
+    assert main(["notebook", "y" * 2000]) == 1
+    line = capsys.readouterr().err
+    assert len(line) < 900
+    assert line.endswith("yyy.ipynb: cannot be used (File name too long); move it away or choose another\n")
+
+
 def test_one_run_prints_its_episodes_and_is_stored_where_it_is_told(tmp_path, capsys):
     path = tmp_path / "new folder" / "run.npz"
     assert main(["run", "--seed", "3", *TINY, "--out", str(path)]) == 0

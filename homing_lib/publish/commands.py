@@ -29,12 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    """What went wrong, without what would break the line or steer the terminal."""
+    """What went wrong, without what would break the line, fill the screen or steer the terminal."""
     if isinstance(error, OSError) and error.filename:
         told = f"{os.fsdecode(error.filename)}: cannot be used ({error.strerror}); move it away or choose another"
     else:
         told = str(error)
-    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(told.split()))
+    line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(told.split()))
+    return line if len(line) <= 800 else f"{line[:500]}...{line[-297:]}"
 
 
 class _Parser(argparse.ArgumentParser):
