@@ -223,7 +223,7 @@ def test_killing_its_building_anywhere_and_starting_again_gives_the_same_bytes(u
     for moment in (0, 1, 3, 5):  # parts done, of five: then they are joined
         building = start(tmp_path)
         wait_for_parts(tmp_path, moment, building)
-        os.kill(building.pid, signal.SIGKILL)  # its workers live on for a moment
+        building.kill()  # if it has not ended by now; its workers live on for a moment
         building.wait()
     opened(tmp_path)
     assert hashes(tmp_path) == hashes(undisturbed)

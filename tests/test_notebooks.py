@@ -95,6 +95,21 @@ def test_the_quick_profile_writes_only_where_it_is_told(write, tmp_path):
     assert str(tmp_path) not in (quick / "tiny.ipynb").read_text(encoding="utf-8")
 
 
+def test_what_another_notebook_draws_meanwhile_is_not_taken_for_its_own(write, tmp_path):
+    meanwhile = "open('../figures/other.pdf', 'w').close()"
+    written = notebooks.execute(str(write(PARAMETERS, DRAWS, meanwhile)))
+    assert [path.name for path in written] == ["tiny.ipynb", "bar.pdf", "bar.png"]
+    assert (tmp_path / "figures/other.pdf").exists()
+
+
+def test_a_notebook_that_fails_leaves_the_figures_of_an_earlier_run(write, tmp_path):
+    notebooks.execute(str(write(PARAMETERS, DRAWS)))
+    before = (tmp_path / "figures/bar.png").read_bytes()
+    with pytest.raises(UserError):
+        notebooks.execute(str(write(PARAMETERS, DRAWS.replace("0.1", "0.2"), "1 / 0")))
+    assert (tmp_path / "figures/bar.png").read_bytes() == before
+
+
 def test_every_figure_is_shown_where_it_is_drawn(write, tmp_path):
     source = write(PARAMETERS, DRAWS, DRAWS, DRAWS)
     copy, *_ = notebooks.execute(str(source))

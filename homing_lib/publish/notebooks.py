@@ -12,7 +12,6 @@ import os
 import re
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +21,7 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT, missing, whole
+from homing_lib.storage import ROOT, missing, whole, write_bytes
 
 NOTEBOOKS = ROOT / "notebooks"
 PARAMETERS = ('profile = "full"', "figures_dir = None")
@@ -54,11 +53,10 @@ def execute(
         except OSError as error:
             raise UserError(f"{folder}: no folder to write to ({error.strerror})") from None
 
-    parameters = {"figures_dir": Path(os.path.relpath(figures_dir, source.parent.resolve())).as_posix()}
-    if profile != "full":
-        parameters["profile"] = profile
-    started = time.time_ns()
     with tempfile.TemporaryDirectory() as scratch, _kernel_environment(scratch):
+        drawn = Path(scratch, "figures")  # its own, since another notebook may be writing to figures_dir
+        drawn.mkdir()
+        parameters = {"figures_dir": str(drawn)} | ({"profile": profile} if profile != "full" else {})
         # Files rather than ports where there are such, since two kernels that start at once race for a port.
         channel = {} if os.name == "nt" else {"transport": "ipc", "ip": f"{scratch}/kernel"}
         try:
@@ -79,12 +77,18 @@ def execute(
             raise UserError(f"{source.name}, cell [{error.exec_count}] `{line}`: {what}") from None
         except DeadKernelError:
             raise UserError(f"{source.name}: its process died; short of memory?") from None
+        figures = {figures_dir / path.name: path.read_bytes() for path in sorted(drawn.iterdir())}
+        for path, content in figures.items():
+            write_bytes(path, content)
 
     normalise(executed, nbformat.read(source, as_version=4))
+    place = Path(os.path.relpath(figures_dir, source.parent.resolve())).as_posix()
+    for cell in executed.cells:
+        cell.source = cell.source.replace(str(drawn), place)
     copy = output_dir / source.name
     with whole(copy) as part:
         nbformat.write(executed, part)
-    return [copy, *sorted(path for path in figures_dir.iterdir() if path.stat().st_mtime_ns >= started)]
+    return [copy, *figures]
 
 
 def find(name: str) -> Path:
