@@ -125,6 +125,10 @@ class: .build/class/.ready
 	@mv paper/numbers.tex.part paper/numbers.tex
 	@cksum paper/numbers.tex > $@
 
+# $(1): the PDF without its ending; $(2): further options. If it fails, what LaTeX says of it.
+typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > $(1).pdf.log 2>&1 || \
+	  { grep -A 5 '^!' $(1).log || tail $(1).pdf.log; exit 1; } >&2
+
 .build/paper/report.pdf: paper/report.tex .build/numbers $(NOTEBOOKS:%=.build/notebooks/%)
 	@paper/install-tex.sh
 	@mkdir -p $(@D)
@@ -132,10 +136,6 @@ class: .build/class/.ready
 
 paper/report.pdf: .build/paper/report.pdf
 	@cp $< $@
-
-# $(1): the PDF without its ending; $(2): further options. If it fails, what LaTeX says of it.
-typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > $(1).pdf.log 2>&1 || \
-	  { grep -A 5 '^!' $(1).log || tail $(1).pdf.log; exit 1; } >&2
 
 
 ### Two lectures: slides, and as a second PDF each slide with three lines for whom gives it
@@ -157,8 +157,8 @@ typeset = latexmk -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2) $< > 
 
 ### The site
 
-.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) notebooks/lab.ipynb README.md figures/film.gif environment.lock \
-  $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
+.build/pages: .build/data $(LIBRARY) $(wildcard notebooks/site/*) notebooks/lab.ipynb README.md figures/film.gif \
+  environment.lock $(NOTEBOOKS:%=.build/notebooks/%) .build/demo paper/report.pdf
 	$(VENV) -m homing_lib.publish.site
 	@cksum .build/site/* > $@
 

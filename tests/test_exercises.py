@@ -1,7 +1,7 @@
 """Each exercise that is checked is blank, has a folded solution that passes its check, and hints for what is wrong."""
 
 import re
-from functools import cache
+from functools import cache, partial
 
 import nbformat
 import numpy as np
@@ -11,7 +11,7 @@ from homing_lib.features import HomeModel
 from homing_lib.publish import exercises
 from homing_lib.publish.notebooks import NOTEBOOKS
 from homing_lib.settings import Settings
-from homing_lib.study import claims, mechanism, opponents, runs, studies
+from homing_lib.study import claims, measures, mechanism, opponents, runs, studies, walk
 from homing_lib.thresholds import stopping_thresholds
 
 
@@ -53,8 +53,6 @@ def blocks(notebook, number):
 
 @pytest.mark.parametrize(("notebook", "number"), CHECKED)
 def test_an_exercise_is_blank_in_the_source_and_its_solution_is_proven(notebook, number, capsys):
-    if notebook.startswith("04") and number == "2":
-        pytest.skip("races, in test_lessons")
     known, answer = names(notebook), cells(notebook)[f"exercise-{number}"].source
     exec(answer, known)
     assert re.fullmatch(
@@ -198,3 +196,62 @@ def test_what_is_wrong_about_a_stored_table_gets_its_hint():
     assert sorted(one.verdict for one in said.values()) == ["proven", "wrong", "wrong"]
     assert "Say" in said["both"].told
     assert "compare the share" in exercises.climbing.judge(99, tried).told
+
+
+RIGHT_AND_WRONG = [
+    (exercises.late_steps, lambda run: measures.by_episode([run])[0, -5:].mean(), "proven"),
+    (exercises.late_steps, lambda run: run.lengths[-5:].mean(), "makes it look good"),
+    (exercises.late_steps, lambda run: run.lengths[:5].mean(), "first five episodes"),
+    (exercises.late_steps, lambda run: run.lengths.mean(), "all episodes"),
+    (exercises.late_steps, lambda run: run.lengths[-4:].mean(), "the last four"),
+    (exercises.late_steps, lambda run: run.lengths[-5:].sum(), "the sum, not the mean"),
+    (exercises.late_steps, lambda run: 0.0, "of 8 planned, give"),
+    (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower <= nrb) & (nrb < psi.upper)), "proven"),
+    (exercises.share_in_band, lambda nrb, psi: np.sum((psi.lower <= nrb) & (nrb < psi.upper)), "not their share"),
+    (exercises.share_in_band, lambda nrb, psi: np.mean(psi.lower <= nrb), "the upper threshold?"),
+    (exercises.share_in_band, lambda nrb, psi: np.mean(nrb < psi.upper), "the lower threshold?"),
+    (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower <= nrb) & (nrb <= psi.upper)), "the robot is home"),
+    (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower < nrb) & (nrb < psi.upper)), "that step counts"),
+    (exercises.share_in_band, lambda nrb, psi: 0.5, "count."),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: delta / delta_prev / discount, "proven"),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: delta / delta_prev, "γ is missing"),
+    (
+        exercises.on_orthogonal_features,
+        lambda delta, delta_prev, discount: discount * delta / delta_prev,
+        "denominator",
+    ),
+    (
+        exercises.on_orthogonal_features,
+        lambda delta, delta_prev, discount: delta_prev / delta / discount,
+        "upside down",
+    ),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: (delta / delta_prev) ** 2, "That is β"),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: -delta / delta_prev / discount, "sign"),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: 1.0, "With errors"),
+]
+
+
+@pytest.mark.parametrize(("check", "answer", "told"), RIGHT_AND_WRONG)
+def test_an_exercise_proves_the_right_answer_and_names_each_usual_mistake(check, answer, told):
+    outcome = check.judge(answer)
+    assert outcome.verdict == ("proven" if told == "proven" else "wrong")
+    assert told in f"{outcome.verdict} {outcome.told}"
+
+
+@pytest.mark.parametrize(
+    ("rule", "told"),
+    [
+        (lambda *, delta, delta_prev, **_: 0.8 if delta * delta_prev >= 0 else 0.4, "better"),
+        (lambda **_: 0.8, "1.00 [1.00, 1.00] (mean 1.00 [1.00, 1.00]) of that of λ = 0.8: comparable."),
+        (lambda *, delta, delta_prev, **_: 0.9 if delta * delta_prev > 0 else 0.0, "it forgets the whole trace"),
+        (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "it divides by zero, and λ is 0"),
+        (lambda **_: 1, "it keeps the whole trace"),
+        (lambda **_: 0.2, "it keeps 0.2"),
+    ],
+)
+def test_a_rule_that_loses_hears_what_it_does_where_nothing_is_learnt_yet_and_a_tie_counts(rule, told, monkeypatch):
+    sizes = {"choose": range(2), "judge": range(1000, 1010), "step_sizes": (0.2, 0.4, 0.6)}
+    monkeypatch.setattr(walk, "race", partial(walk.race, **sizes))
+    outcome = exercises.as_good_as_a_constant.judge(rule)
+    assert outcome.verdict == ("wrong" if ", it " in outcome.told else "proven")
+    assert told in outcome.told

@@ -10,6 +10,7 @@ from matplotlib.text import Text
 from homing_lib.publish import figures, plots
 from homing_lib.publish.forests import Column, compared, first_to_last, forest
 from homing_lib.rooms import ROOMS
+from homing_lib.study import theorem
 from homing_lib.study.claims import Comparison
 from homing_lib.study.rules import Rules
 from homing_lib.study.statistics import Interval
@@ -34,7 +35,9 @@ X, Y = (values.ravel() for values in np.meshgrid(np.arange(0.05, 1, 0.1), np.ara
 
 PLOTS = {
     "depth": lambda: plots.trace_depth({"a": np.tril(RUNS[:, :6] / 200), "b": np.eye(6)}),
-    "parting": lambda: plots.parting({"a": (np.zeros(12), np.ones(12))}, {"a": 2}),
+    "parting": lambda: plots.parting(
+        {"a": theorem.parting(np.random.default_rng(0).normal(size=(13, 3)), np.ones(12))}
+    ),
     "step sizes": lambda: plots.over_step_sizes(
         np.array([0.1, 0.2, 0.4]), {"a": RUNS[:, :3], "b": np.where([0, 0, 1], np.inf, RUNS[:, :3])}, "error", 300
     ),

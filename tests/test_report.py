@@ -8,6 +8,7 @@ import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.publish import answers, report
+from homing_lib.publish.tex import tex
 from homing_lib.settings import Settings
 from homing_lib.study import claims, errata
 
@@ -77,13 +78,11 @@ def test_every_number_that_the_report_and_the_lectures_use_is_defined_and_every_
 
 
 def test_plain_text_becomes_latex():
-    assert report._tex("alpha_0 = 1.25e-3, 95 % of sigma^2") == (
-        r"$\alpha_{0}$ = $1.25\times10^{-3}$, 95\,\% of $\sigma^2$"
-    )
-    assert report._tex("2 NRB_t - NRB_(t-1) until psi_lower") == (
+    assert tex("alpha_0 = 1.25e-3, 95 % of sigma^2") == (r"$\alpha_{0}$ = $1.25\times10^{-3}$, 95\,\% of $\sigma^2$")
+    assert tex("2 NRB_t - NRB_(t-1) until psi_lower") == (
         r"2 $\mathrm{NRB}_{t}$ $-$ $\mathrm{NRB}_{t-1}$ until $\psi_{\mathrm{lower}}$"
     )
-    assert report._tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\,\% \#1"
+    assert tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\,\% \#1"
 
 
 def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():

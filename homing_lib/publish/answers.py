@@ -55,17 +55,18 @@ def worth(*, numbers: bool = True) -> str:
     usual, anywhere = (against_the_climb(of, usual=usual) for usual in (True, False))
     ours, theirs = (episodes_of(all_episodes, f"{_PAPER}, {who}, room") for who in ("sarsa", "climb"))
     since, last = opponents.paid_back(ours, theirs).value, ours.shape[1]
-    steps = (
-        f" (in the paper's room {usual.typical:.2f} of its steps, {usual.word}, and {anywhere.typical:.2f}, "
-        f"{anywhere.word})"
-    )
     ahead = f"ahead from episode {since:.0f}" if since <= last else f"not ahead by episode {last}"
-    when = f" ({ahead} in the paper's room)"
+    steps, when = "", ""
+    if numbers:
+        steps = (
+            f" (in the paper's room {usual.typical:.2f} of its steps, {usual.word}, and {anywhere.typical:.2f}, "
+            f"{anywhere.word})"
+        )
+        when = f" ({ahead} in the paper's room)"
     return (
         "Against a walk up the similarity, which learns nothing, the robot that has learnt is "
         f"{_AHEAD[judge('Q20').verdict]} from the usual start and {_AHEAD[judge('Q21').verdict]} from everywhere"
-        f"{steps * numbers}; all episodes counted, learning {_PAYS[judge('Q22').verdict].format(last=last)}"
-        f"{when * numbers}."
+        f"{steps}; all episodes counted, learning {_PAYS[judge('Q22').verdict].format(last=last)}{when}."
     )
 
 

@@ -40,7 +40,6 @@ def _one_line(error: Exception) -> str:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        message = message if len(message) < 300 else f"{message[:297]}..."
         raise UserError(f"{message}; see `{self.prog} --help`")
 
 

@@ -1,6 +1,6 @@
 """The checks of the exercises in the notebooks, by notebook and exercise: "4.2" is notebook 4, exercise 2.
 
-What a check is and says: `lab`.
+What a check is and says: `checks`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from homing_lib import thresholds
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves
-from homing_lib.publish.lab import SEED, Wrong, alike, check, expect
+from homing_lib.publish.checks import SEED, Wrong, alike, check, expect, hint
 from homing_lib.settings import Settings
 from homing_lib.study import claims, mechanism, walk
 from homing_lib.study.measures import WINDOW
@@ -88,9 +88,8 @@ def multipliers(found: Mapping[str, Any], psi: float = 0.95) -> None:
             f"{name}: square what stands under the root.": 1 / (sqrt(inner) * (1 - psi)),
             f"{name}: it is 1 - ψ that the fraction gives.": 1 / (inner * psi**2),
         }
-        told = next((hint for hint, value in mistakes.items() if alike(found[name], value, 1e-3)), None)
         if not alike(given := form(found[name]), psi, 1e-6):
-            raise Wrong(told or f"{name}: this multiplier gives ψ = {given:.4f}.")
+            raise Wrong(hint(found[name], mistakes, f"{name}: this multiplier gives ψ = {given:.4f}.", 1e-3))
 
 
 @check("2.2 · how badly it errs")
@@ -272,8 +271,8 @@ def flattery(share: Any) -> None:
         "That is by how much it is flattered: what share does it seem to take?": 1 - least,
     }
     if not abs(share / least - 1) < 0.02:
-        hint = next((hint for hint, value in mistakes.items() if abs(share / value - 1) < 0.05), None)
-        raise Wrong(hint or "Not within 2 %. Repeat it often enough, and take the mean of what the best seems to take.")
+        told = next((told for told, value in mistakes.items() if abs(share / value - 1) < 0.05), None)
+        raise Wrong(told or "Not within 2 %. Repeat it often enough, and take the mean of what the best seems to take.")
 
 
 # --- 7: what in lambda matters ---------------------------------------------------------------------------------------

@@ -1,191 +1,27 @@
-"""What a student answers, checked: each check proves a property, and none knows an answer by heart.
+"""The checks of the lab, notebooks/lab.ipynb, task by task, and what it computes beside them.
 
-A check is a function under `@check("its title")`. The first paragraph of its docstring is the property that it proves;
-it takes the student's answers (numbers, arrays, functions), returns nothing, or a remark, if the property holds, and
-else raises `Wrong` with a hint. Called in a notebook, it prints one line; `report` prints all of them once more:
-
-    proven    the property holds
-    blank     an answer is None or ..., or a function that returns ..., or has such a value
-    wrong     it does not hold, with the hint
-    raised    the student's code raised, with the line of its cell and what
-
-Nothing that a student writes stops the notebook. Trials are random, from a generator of a given seed.
+What a check is and says: `checks`. Trials are random, from a generator of a given seed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import update_wrapper, wraps
 from math import ceil, log
 from numbers import Real
-from traceback import walk_tb
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from homing_lib import lambdas
 from homing_lib.agent import run
 from homing_lib.features import Array
+from homing_lib.publish import checks
+from homing_lib.publish.checks import SEED, Outcome, Wrong, alike, check, expect, hint
 from homing_lib.settings import Settings
-from homing_lib.study import mechanism, rules, walk
+from homing_lib.study import mechanism, rules, theorem, walk
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode, load_table
-from homing_lib.td import ConjugateTD, LinearTD
-
-
-class Wrong(Exception):
-    """The property does not hold. Its text is the hint."""
-
-
-class Blank(Exception):
-    """There is no answer yet."""
-
-
-class Outcome(NamedTuple):
-    """What a check found. `told`: the property if proven, else the hint or what was raised."""
-
-    title: str
-    verdict: Literal["proven", "blank", "wrong", "raised"]
-    told: str
-
-    def __str__(self) -> str:
-        return f"{self.title}: {self.verdict}. {self.told}"
-
-
-RECORD: dict[str, Outcome] = {}  # what was found last, by title, in the order in which it was found
-
-
-class Check:
-    """A check with its title. Calling it prints and records what `judge` finds."""
-
-    def __init__(self, title: str, function: Callable[..., str | None]) -> None:
-        update_wrapper(self, function)
-        self.title, self._function = title, function
-
-    @property
-    def proves(self) -> str:
-        """The property: the first paragraph of the docstring, in one line."""
-        return " ".join((self.__doc__ or "").split("\n\n")[0].split())
-
-    def judge(self, *answers: Any) -> Outcome:
-        """What is to be said of these answers."""
-        try:
-            remark = self._function(*map(_asked, answers))
-        except Blank:
-            return Outcome(self.title, "blank", "Nothing is checked yet.")
-        except Wrong as hint:
-            return Outcome(self.title, "wrong", str(hint))
-        except Exception as error:  # whatever a student may write
-            told = f"{_line(error)}{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            return Outcome(self.title, "raised", told)
-        return Outcome(self.title, "proven", " ".join(filter(None, (self.proves, remark))))
-
-    def __call__(self, *answers: Any) -> None:
-        outcome = self.judge(*answers)
-        RECORD.pop(self.title, None)
-        RECORD[self.title] = outcome  # as the last
-        print(outcome)
-
-
-def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
-    """A decorator that makes a function a check."""
-    return lambda function: Check(title, function)
-
-
-def report() -> None:
-    """Print what was found of each task of the lab, and how many are proven."""
-    found = [RECORD.get(task.title, Outcome(task.title, "blank", "Its cell was not run.")) for task in TASKS]
-    order = [*RECORD]
-    earlier = order[: order.index(a_rule.title)] if a_rule.title in order else []
-    for at, (title, verdict, _) in enumerate(found):
-        if verdict == "proven" and title in earlier and title in (race.title, read.title):
-            found[at] = Outcome(title, "blank", "It was answered for an earlier rule: run its cells again.")
-    print(*found, sep="\n")
-    print(f"{sum(outcome.verdict == 'proven' for outcome in found)} of {len(TASKS)} proven.")
-
-
-def recap(seen: "Parting", raced: walk.Race, found: rules.Rules) -> None:
-    """Print what each task should have shown, in a line each. seen, raced, found: what tasks 3, 4 and 6 computed."""
-    print(
-        f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {ceil(log(0.5) / log(0.72))} steps."
-    )
-    printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
-    print(
-        f"2 · On a quadratic the printed form 1 is {np.mean(printed / form_2):.0f} times form 2, so the sign got lost."
-    )
-    after = seen.reset[seen.first - 1 :]
-    back = "it comes back" if after.min() < 1e-6 else "it does not come back: each direction is built on the one before"
-    told = f"They part at step {seen.first}; from there on δe is {after.min():.1g} |p| from p, or more, and {back}."
-    print(f"3 · {told if seen.first else 'No λ leaves [0, 1] here, and they do not part.'}")
-    errors = {label: of_rule.mean() for label, of_rule in raced.errors.items()}
-    guarded = [errors[f"form 2, guard {guard:g}"] for guard in GUARDS]
-    by_guard = max(guarded) / min(guarded)
-    to_fixed = guarded[0] / errors["λ = 0"], guarded[1] / errors["λ = 0.8"]
-    by_ratio = max(max(one, 1 / one) for one in to_fixed)
-    print(
-        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; guards 0 and 0.8 from "
-        f"λ = 0 and 0.8 by up to {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
-    )
-    undefined, _ = _asked_how_often(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
-    print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
-    mine = next(iter(found.steps))
-    learns = found.steps[mine].mean(axis=0)
-    climb = found.steps["the climb"].mean()
-    caught = [*np.flatnonzero(learns <= climb), len(learns)][0]
-    when = (
-        f"takes as few in episode {caught + 1}" if caught < len(learns) else f"takes more in each of {caught} episodes"
-    )
-    print(
-        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then "
-        f"{(learns[:caught] - climb).sum():.0f} more in all. The robot pays for those."
-    )
-
-
-def _line(error: Exception) -> str:
-    """Of the student's function that raised: "Line 2: ", in its cell. Empty if it was none."""
-    frames = [(frame.f_code, line) for frame, line in walk_tb(error.__traceback__)]
-    wrapped = [at for at, (code, _) in enumerate(frames) if (code.co_name, code.co_filename) == ("asked", __file__)]
-    return f"Line {frames[wrapped[-1] + 1][1]}: " if wrapped and len(frames) > wrapped[-1] + 1 else ""
-
-
-def _asked(answer: Any) -> Any:
-    """The answer; a function says Blank where it would return ..., a dictionary if one of its values is missing."""
-    if answer is None or answer is ...:
-        raise Blank
-    if isinstance(answer, dict):
-        return {key: _asked(value) for key, value in answer.items()}
-    if not callable(answer):
-        return answer
-
-    @wraps(answer)
-    def asked(*arguments: Any, **keywords: Any) -> Any:
-        if (given := answer(*arguments, **keywords)) is None:
-            errors = {"delta": "δ", "delta_prev": "δ before"}
-            case = ", ".join(f"{error} = {keywords[name]:.3g}" for name, error in errors.items() if name in keywords)
-            told = f"Your function gave None{f' with {case}' if case else ''}"
-            raise Wrong(f"{told}: is a `return` missing, or a case not covered?")
-        return _asked(given)
-
-    return asked
-
-
-def alike(found: ArrayLike, expected: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether both have the same shape and agree to rounding. TypeError for what is no number."""
-    found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
-    return found.shape == expected.shape and np.allclose(found, expected, rtol=tolerance, atol=tolerance)
-
-
-def expect(found: ArrayLike, expected: ArrayLike, mistakes: Mapping[str, ArrayLike], otherwise: str) -> None:
-    """Wrong unless both are alike: with the hint of the usual mistake that gives what was found, or `otherwise`.
-
-    mistakes: by hint, what the mistake would have given.
-    """
-    if not alike(found, expected):
-        raise Wrong(next((hint for hint, value in mistakes.items() if alike(found, value)), otherwise))
-
+from homing_lib.td import LinearTD
 
 # --- Task 1: the trace -----------------------------------------------------------------------------------------------
-
-SEED = 2014  # of every random trial
 
 
 @check("1a · the trace")
@@ -266,54 +102,27 @@ def from_beta(lambda_of: Any) -> None:
         beta, delta, delta_prev = rng.normal(size=3)
         gamma, (phi, e_prev) = rng.uniform(0.5, 0.95), rng.normal(size=(2, 4))
         p = delta * phi + beta * (delta_prev * e_prev)
-        found = {
-            lambda_t: delta * (gamma * lambda_t * e_prev + phi)
-            for lambda_t in (
-                beta * delta_prev / delta,
-                beta * delta / (gamma * delta_prev),
-                beta * gamma * delta_prev / delta,
-                beta,
-            )
+        mistakes = {
+            "γ is missing: the trace fades by γλ, so λ must make up for γ.": beta * delta_prev / delta,
+            "The two errors are upside down: which of them multiplies the old trace in p?": (
+                beta * delta / (gamma * delta_prev)
+            ),
+            "γ is on the wrong side of the fraction: what γλ must be is divided by γ.": (
+                beta * gamma * delta_prev / delta
+            ),
+            "β is the share of the old direction; λ is that of the old trace, and the two errors stand between them.": (
+                beta
+            ),
         }
-        hints = (
-            "γ is missing: the trace fades by γλ, so λ must make up for γ.",
-            "The two errors are upside down: which of them multiplies the old trace in p?",
-            "γ is on the wrong side of the fraction: what γλ must be is divided by γ.",
-            "β is the share of the old direction; λ is that of the old trace, and the two errors stand between them.",
-        )
         lambda_t = lambda_of(beta, delta, delta_prev, gamma)
-        expect(
-            delta * (gamma * lambda_t * e_prev + phi),
-            p,
-            dict(zip(hints, found.values(), strict=True)),
-            "δe is not p. Put e = γλe + φ into δe = p and solve for λ.",
-        )
+        if not alike(delta * (gamma * lambda_t * e_prev + phi), p):
+            raise Wrong(hint(lambda_t, mistakes, "δe is not p. Put e = γλe + φ into δe = p and solve for λ."))
 
 
-FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
-
-
-def on_a_quadratic(form_1: lambdas.LambdaRule, seed: int = SEED) -> Array:
-    """The λ of form_1, form 2 and form 3 at each step but the first of conjugate gradient with exact line search.
-
-    Shape (4, 3). In five dimensions, with g = b - Ax split at random into δφ.
-    """
-    rng, n, gamma = np.random.default_rng(seed), 5, 0.9
-    root = rng.standard_normal((n, n))
-    a, b, x = root @ root.T + np.eye(n), rng.standard_normal(n), np.zeros(n)
-    before: dict[str, Any] = {}
-    rows = []
-    for _ in range(n):
-        g, delta = b - a @ x, rng.uniform(0.5, 2)
-        phi = e = g / delta
-        if before:
-            step = {"delta": delta, "phi": phi, "discount": gamma, **before}
-            rows.append([rule(**step) for rule in (form_1, *(lambdas.RULES[name] for name in FORMS[1:]))])
-            e = gamma * rows[-1][1] * before["trace_prev"] + phi
-        p = delta * e
-        x = x + (g @ p) / (p @ a @ p) * p
-        before = {"delta_prev": delta, "phi_prev": phi, "trace_prev": e}
-    return np.array(rows)
+def on_a_quadratic(form_1: lambdas.LambdaRule) -> Array:
+    """The λ of form_1, form 2 and form 3 at each step but the first of `theorem.on_a_quadratic`, shape (4, 3)."""
+    forms = form_1, lambdas.fletcher_reeves, lambdas.polak_ribiere
+    return theorem.on_a_quadratic(forms, np.random.default_rng(SEED))[0]
 
 
 @check("2b · the lost sign")
@@ -348,8 +157,7 @@ def form_1(rule: Any) -> None:
             "The numerator has δ once too often: there, Δg meets φ, not g.": -(change @ (delta * phi))
             / (gamma * change @ e),
         }
-        told = next((hint for hint, value in mistakes.items() if alike(lambda_t, value)), None)
-        raise Wrong(told or "δe is not at right angles to Δg. Solve (γλe + φ)·Δg = 0 for λ.")
+        raise Wrong(hint(lambda_t, mistakes, "δe is not at right angles to Δg. Solve (γλe + φ)·Δg = 0 for λ."))
     if not alike(table := on_a_quadratic(rule), np.tile(table[:, 1:2], 3), 1e-6):
         raise Wrong("On the quadratic it parts from forms 2 and 3.")
 
@@ -359,46 +167,15 @@ def form_1(rule: Any) -> None:
 STEPS = 12
 
 
-class Parting(NamedTuple):
-    """TD(λ_t) beside conjugate gradient on random features and rewards, form 2; arrays of shape (STEPS,).
-
-    delta: TD errors; squares: |φ|² of the features; ratio: eq. (7) before any reset, 0 at the first step, where there
-    is none; free, reset: relative distances of δe from p, without and with the reset to [0, 1]; first: the step, 1, 2,
-    ..., of the first reset, or 0.
-    """
-
-    delta: Array
-    squares: Array
-    ratio: Array
-    free: Array
-    reset: Array
-    first: int
-
-
 GAMMA = 0.9
 
 
-def parting(seed: int) -> Parting:
-    """Of one seed."""
+def parting(seed: int) -> theorem.Parting:
+    """TD(λ_t) beside conjugate gradient on random features and rewards of a seed, form 2, of STEPS steps."""
     rng = np.random.default_rng(seed)
     phi, reward = rng.uniform(0.2, 1, (STEPS + 1, 5)), rng.uniform(0.3, 1, STEPS)
     reward *= np.where(rng.random(STEPS) < 0.15, -1, 1) * 0.9 ** np.arange(STEPS)
-    setting: dict[str, Any] = {"step_size": 1e-4, "discount": GAMMA}
-    conjugate = ConjugateTD(5, **setting)
-    learners = [LinearTD(5, lambda_rule=lambdas.fletcher_reeves, clip=clip, **setting) for clip in (False, True)]
-    rows, first = [], 0
-    for t in range(STEPS):
-        step = phi[t], reward[t], phi[t + 1]
-        delta = conjugate.update(*step)
-        p, apart = conjugate.direction, []
-        for td in learners:
-            along = td.update(*step) * td.trace
-            apart.append(np.linalg.norm(along - p) / np.linalg.norm(p))
-        free, reset = learners
-        first = first or (t + 1) * reset.clipped
-        rows.append((delta, phi[t] @ phi[t], free.lambda_, *apart))
-    delta, squares, ratio, free_of, reset_of = np.array(rows).T
-    return Parting(delta, squares, ratio, free_of, reset_of, first)
+    return theorem.parting(phi, reward, discount=GAMMA)
 
 
 @check("3 · until the first reset")
@@ -663,4 +440,54 @@ def read(words: Any, found: rules.Rules) -> str:
     return f"Mine is: {', '.join(f'{words[label]} against {label}' for label in found.verdicts)}."
 
 
+# --- What was proven, and shown --------------------------------------------------------------------------------------
+
 TASKS = (trace, share, from_beta, form_1, first_reset, guards, reach, a_rule, race, read)
+
+
+def report() -> None:
+    """Print what was found of each task of the lab, and how many are proven."""
+    found = [checks.RECORD.get(task.title, Outcome(task.title, "blank", "Its cell was not run.")) for task in TASKS]
+    order = [*checks.RECORD]
+    earlier = order[: order.index(a_rule.title)] if a_rule.title in order else []
+    for at, (title, verdict, _) in enumerate(found):
+        if verdict == "proven" and title in earlier and title in (race.title, read.title):
+            found[at] = Outcome(title, "blank", "It was answered for an earlier rule: run its cells again.")
+    print(*found, sep="\n")
+    print(f"{sum(outcome.verdict == 'proven' for outcome in found)} of {len(TASKS)} proven.")
+
+
+def recap(seen: theorem.Parting, raced: walk.Race, found: rules.Rules) -> None:
+    """Print what each task should have shown, in a line each. seen, raced, found: what tasks 3, 4 and 6 computed."""
+    steps = ceil(log(0.5) / log(0.9 * 0.8))
+    print(f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {steps} steps.")
+    printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
+    print(
+        f"2 · On a quadratic the printed form 1 is {np.mean(printed / form_2):.0f} times form 2, so the sign got lost."
+    )
+    after = seen.reset[seen.first - 1 :]
+    back = "it comes back" if after.min() < 1e-6 else "it does not come back: each direction is built on the one before"
+    told = f"They part at step {seen.first}; from there on δe is {after.min():.1g} |p| from p, or more, and {back}."
+    print(f"3 · {told if seen.first else 'No λ leaves [0, 1] here, and they do not part.'}")
+    errors = {label: of_rule.mean() for label, of_rule in raced.errors.items()}
+    guarded = [errors[f"form 2, guard {guard:g}"] for guard in GUARDS]
+    by_guard = max(guarded) / min(guarded)
+    to_fixed = guarded[0] / errors["λ = 0"], guarded[1] / errors["λ = 0.8"]
+    by_ratio = max(max(one, 1 / one) for one in to_fixed)
+    print(
+        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; guards 0 and 0.8 from "
+        f"λ = 0 and 0.8 by up to {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
+    )
+    undefined, _ = _asked_how_often(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
+    print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
+    mine = next(iter(found.steps))
+    learns = found.steps[mine].mean(axis=0)
+    climb = found.steps["the climb"].mean()
+    caught = [*np.flatnonzero(learns <= climb), len(learns)][0]
+    when = (
+        f"takes as few in episode {caught + 1}" if caught < len(learns) else f"takes more in each of {caught} episodes"
+    )
+    print(
+        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then "
+        f"{(learns[:caught] - climb).sum():.0f} more in all. The robot pays for those."
+    )

@@ -18,6 +18,7 @@ from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, missing, write_bytes
 from homing_lib.study import claims
+from homing_lib.study.measures import WINDOW
 from homing_lib.study.walk import EPISODES, STEP_SIZES
 from homing_lib.surfaces import Image, paint
 
@@ -35,7 +36,7 @@ SHOWN = {"walk": ("C1", "Q30"), "robot": ("C3", "C8", "C9", "Q3", "Q5", "Q20")}
 
 READING = (
     "Square brackets hold 95 % intervals. Ratios are of interquartile means and, in round brackets, of means; rules "
-    "are compared each at its best step size. Late steps: those of the last five episodes."
+    f"are compared each at its best step size. Late steps: those of the last {WINDOW} episodes."
 )
 """How the verdicts are read."""
 

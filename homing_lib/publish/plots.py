@@ -19,6 +19,7 @@ from homing_lib.publish.forests import compared, draw_column
 from homing_lib.rooms import Room
 from homing_lib.study.rules import Rules
 from homing_lib.study.statistics import Interval, band
+from homing_lib.study.theorem import Parting
 
 Tables = Mapping[str, Array]  # by label, shape (runs, episodes)
 
@@ -37,18 +38,15 @@ def trace_depth(traces: Mapping[str, Array]) -> Figure:
 
 
 @styled
-def parting(errors: Mapping[str, tuple[Array, Array]], first_clips: Mapping[str, int]) -> Figure:
-    """How far TD-conj stands from conjugate gradient at each step: by form, without and with the reset to [0, 1].
-
-    first_clips: the first step at which each form was reset.
-    """
-    figure, (panels,) = plt.subplots(1, len(errors), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.3))
-    for axes, (name, (free, reset)) in zip(panels, errors.items(), strict=True):
-        step, floor = np.arange(1, free.size + 1), 1e-18
-        axes.plot(step, np.maximum(reset, floor), color=ORANGE, linestyle=(0, (4, 1.5)))
-        axes.plot(step, np.maximum(free, floor), color=BLUE)
-        axes.axvline(first_clips[name], color=GREY, linewidth=0.8)
-        drawing.beside(axes, "first reset", (first_clips[name], 1e-8), (4, 0), rotation=90)
+def parting(found: Mapping[str, Parting]) -> Figure:
+    """How far TD-conj stands from conjugate gradient at each step: by form, without and with the reset to [0, 1]."""
+    figure, (panels,) = plt.subplots(1, len(found), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.3))
+    for axes, (name, of) in zip(panels, found.items(), strict=True):
+        step, floor = np.arange(1, of.free.size + 1), 1e-18
+        axes.plot(step, np.maximum(of.reset, floor), color=ORANGE, linestyle=(0, (4, 1.5)))
+        axes.plot(step, np.maximum(of.free, floor), color=BLUE)
+        axes.axvline(of.first, color=GREY, linewidth=0.8)
+        drawing.beside(axes, "first reset", (of.first, 1e-8), (4, 0), rotation=90)
         axes.set(title=name, xlabel="step $t$", yscale="log", ylim=(floor / 3, 1e3), xlim=(1, step[-1]))
         axes.set_xticks(step[:: max(1, step.size // 4)])
     panels[-1].annotate("reset to [0, 1]", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)

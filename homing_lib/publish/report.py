@@ -12,6 +12,7 @@ import numpy as np
 from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
 from homing_lib.publish import answers
+from homing_lib.publish.tex import escaped, row, tex
 from homing_lib.robot import wrapped
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
@@ -153,24 +154,24 @@ def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report and the lectures, and the bodies of the tables."""
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
-        "lambdaAnswer": _tex(answers.varying_lambda()),
-        "worthAnswer": _tex(answers.worth()),
-        "lambdaWords": _tex(answers.varying_lambda(numbers=False)),
-        "worthWords": _tex(answers.worth(numbers=False)),
-        "signElsewhere": _tex(answers.sign_elsewhere()),
-        "verdicts": _tex(verdicts()),
-        "verdictsCounted": _tex(counted()),
+        "lambdaAnswer": tex(answers.varying_lambda()),
+        "worthAnswer": tex(answers.worth()),
+        "lambdaWords": tex(answers.varying_lambda(numbers=False)),
+        "worthWords": tex(answers.worth(numbers=False)),
+        "signElsewhere": tex(answers.sign_elsewhere()),
+        "verdicts": tex(verdicts()),
+        "verdictsCounted": tex(counted()),
         "judgedRuns": f"{len(studies.FRESH)}",
         "judgedFrom": f"{studies.FRESH[0]}",
         "seenFrom": f"{studies.JUDGED[0]}",
-        "climbShare": _tex(f"{CLIMBING:.0%}"),
-        "wayChosen": _tex(opponents.CHOSEN),
+        "climbShare": tex(f"{CLIMBING:.0%}"),
+        "wayChosen": tex(opponents.CHOSEN),
         "trialSteps": f"{TRIAL_STEPS}",
-        **{f"answer{name}": _tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
+        **{f"answer{name}": tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
         "ratioFixed": f"{answers.against_the_best_fixed().typical:.2f}",
         "ratioClimbUsual": f"{answers.against_the_climb(load_table(opponents.OPPONENTS), usual=True).typical:.2f}",
-        **{f"found{name}": _tex(answers.FOUND[of][claims.judge(of).verdict]) for name, of in _FOUND.items()},
-        "tableOpponents": "\n".join(_row(*cells) for cells in answers.beside_the_headline()),
+        **{f"found{name}": tex(answers.FOUND[of][claims.judge(of).verdict]) for name, of in _FOUND.items()},
+        "tableOpponents": "\n".join(row(*cells) for cells in answers.beside_the_headline()),
         "tableClaims": _verdicts_of("C"),
         "tableQuestions": _verdicts_of("Q"),
         "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
@@ -198,7 +199,7 @@ _ANSWERS = {
 _FOUND = {
     "Fast": "Q5",
     "Standard": "Q6",
-    "Rooms": "Q8",
+    "Decides": "Q8",
     "Camera": "Q9",
     "Reward": "Q10",
     "Initial": "Q11",
@@ -217,14 +218,14 @@ _FOUND = {
 def _verdicts_of(kind: str) -> str:
     """Rows: name, claim or question, verdict, effect."""
     return "\n".join(
-        _row(one.name, one.claim.replace("*", ""), one.verdict, one.effect)
+        row(one.name, one.claim.replace("*", ""), one.verdict, one.effect)
         for one in map(claims.judge, claims.names(kind))
     )
 
 
 def _erratum(of: errata.Erratum) -> str:
     """A row: name, where, what is printed and why it cannot stand, how it is read here and what that does."""
-    return _row(of.name, of.where, f"{of.printed}. {of.wrong}.", f"{of.reading}. {errata.effect(of)}".strip())
+    return row(of.name, of.where, f"{of.printed}. {of.wrong}.", f"{of.reading}. {errata.effect(of)}".strip())
 
 
 def numbers(h: Headline) -> dict[str, str]:
@@ -281,7 +282,7 @@ def numbers(h: Headline) -> dict[str, str]:
             "epsilon-greedy": "epsilon-greedy alone",
         }[s.mixture],
     }
-    return {name: _tex(text) for name, text in texts.items()}
+    return {name: tex(text) for name, text in texts.items()}
 
 
 def _successes(several: Sequence[Run]) -> tuple[int, int]:
@@ -314,9 +315,9 @@ def _tables_of_settings() -> tuple[list[str], list[str]]:
             symbol, text = match["symbol"], match["text"] or "reward discount"
             if symbol is None:
                 symbol, text = "psi_upper, psi_lower", "multipliers and stopping thresholds (eq. 19)"
-            table_one.append(_row(_tex(symbol), printed, ours.get(name, _shown(field.default)), text))
+            table_one.append(row(tex(symbol), printed, ours.get(name, _shown(field.default)), text))
         else:
-            others.append(_row(f"\\setting{{{_escaped(name)}}}", printed, _shown(field.default), described))
+            others.append(row(f"\\setting{{{escaped(name)}}}", printed, _shown(field.default), described))
     return table_one, others
 
 
@@ -327,54 +328,3 @@ def _shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}" if not 0 < abs(value) < 0.01 else re.sub(r"\.?0+e", "e", f"{value:e}")
     return {"True": "yes", "False": "no"}.get(str(value), str(value))
-
-
-def _row(setting: str, *cells: str) -> str:
-    return " & ".join([setting, *(_tex(cell) for cell in cells)]) + r" \\"
-
-
-_SYMBOLS = ["alpha", "beta", "gamma", "delta", "epsilon", "theta", "lambda", "pi", "sigma", "tau", "phi", "psi"]
-_MATHS = re.compile(
-    rf"(?P<code>`[^`]*`)|(?P<power>\b\d+(\.\d+)?e[+-]?\d+\b)|(?P<percent>[\d\]] ?%)"
-    rf"|\b(?P<symbol>({'|'.join(_SYMBOLS)}|NRB|EP|ep|phi|r|Q|H)(?=\b|_))(?P<sub>_(\([^)]*\)|\w+))?(?P<up>\^\d)?(?!\w)"
-)
-
-
-def _tex(text: str) -> str:
-    """Plain text as LaTeX: its specials escaped, its symbols (alpha_0, sigma^2, 1.25e-3) in maths, `names` in code."""
-    parts, end = [], 0
-    for match in _MATHS.finditer(text):
-        parts += [_escaped(text[end : match.start()]), _as_maths(match)]
-        end = match.end()
-    return "".join([*parts, _escaped(text[end:])])
-
-
-def _as_maths(match: "re.Match[str]") -> str:
-    if match["code"]:
-        return f"\\texttt{{{_escaped(match['code'][1:-1])}}}"
-    if match["percent"]:
-        return f"{match['percent'][0]}\\,\\%"
-    if match["power"]:
-        digits, exponent = match["power"].split("e")
-        return f"${digits}\\times10^{{{int(exponent)}}}$"
-    symbol, sub, up = match["symbol"], match["sub"], match["up"] or ""
-    if not sub and not up and symbol not in _SYMBOLS:
-        return _escaped(symbol)
-    name = f"\\{symbol}".replace("epsilon", "varepsilon") if symbol in _SYMBOLS else f"\\mathrm{{{symbol}}}"
-    index = (sub or "")[1:].strip("()")
-    if len(index) > 3 and "-" not in index:
-        index = f"\\mathrm{{{index}}}"
-    return f"${name}" + (f"_{{{index}}}" if index else "") + f"{up}$"
-
-
-def _escaped(text: str) -> str:
-    return re.sub(r"(?<![\w.)])-(?=[\d.])|(?<= )-(?= )", "$-$", text.translate(_SPECIAL)).translate(_UNICODE)
-
-
-_SPECIAL = str.maketrans(
-    {letter: f"\\{letter}" for letter in "{}$&#%_"}
-    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
-)
-_UNICODE = str.maketrans(
-    {"≥": r"$\geq$", "≤": r"$\leq$", "±": r"$\pm$", "×": r"$\times$", "²": r"\textsuperscript{2}", "λ": r"$\lambda$"}
-)

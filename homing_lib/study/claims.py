@@ -27,6 +27,7 @@ from homing_lib.study.statistics import (
     interval,
     iqm,
     judged,
+    over_runs,
     ratio,
     ratio_at_best,
     side,
@@ -200,14 +201,13 @@ def of_steps(of: Any, ours: str, theirs: str, family: int = 1) -> Comparison:
 
 def first_good(of: Any, condition: str = "form 2") -> Interval:
     """The first episode whose mean steps are at most one and a half times those of the last; runs are resampled."""
-    steps, rng = episodes_of(of, condition), np.random.default_rng(0)
+    steps = episodes_of(of, condition)
 
     def first(runs: Array) -> int:
-        mean = runs.mean(axis=0)
+        mean = steps[runs].mean(axis=0)
         return 1 + int(np.argmax(mean <= 1.5 * mean[-WINDOW:].mean()))
 
-    again = [first(steps[rng.integers(len(steps), size=len(steps))]) for _ in range(FEWER_RESAMPLES)]
-    return Interval(first(steps), *np.percentile(again, (2.5, 97.5)))
+    return over_runs(first, len(steps), np.random.default_rng(0))
 
 
 def success(trials: Any) -> Interval:

@@ -23,7 +23,7 @@ from homing_lib.study.probes import (
     where_lost,
 )
 from homing_lib.study.runs import episodes_of
-from homing_lib.study.statistics import FEWER_RESAMPLES, Interval, interval, knife_edge, side
+from homing_lib.study.statistics import Interval, interval, knife_edge, over_runs, side
 from homing_lib.study.studies import FRESH, study
 from homing_lib.thresholds import stopping_thresholds
 
@@ -183,13 +183,12 @@ def paid_back(ours: Array, theirs: Array) -> Interval:
 
     ours, theirs: shape (runs, episodes). The seeds are resampled.
     """
-    gap, rng = np.cumsum(ours - theirs, axis=1), np.random.default_rng(0)
+    gap = np.cumsum(ours - theirs, axis=1)
 
-    def since(mean: Array) -> int:
-        return int(np.flatnonzero(np.r_[True, mean >= 0])[-1]) + 1
+    def since(runs: Array) -> int:
+        return int(np.flatnonzero(np.r_[True, gap[runs].mean(axis=0) >= 0])[-1]) + 1
 
-    again = [since(gap[rng.integers(len(gap), size=len(gap))].mean(axis=0)) for _ in range(FEWER_RESAMPLES)]
-    return Interval(since(gap.mean(axis=0)), *np.percentile(again, (2.5, 97.5)))
+    return over_runs(since, len(gap), np.random.default_rng(0))
 
 
 def beyond_home(rows: Any, room: str) -> Any:
@@ -315,7 +314,7 @@ def orientation(of: Any) -> Judged:
 
 def _wider(views: Any, rule: str) -> Interval:
     """By how many degrees eq. (19) tolerates more at home than another rule; seeds are resampled, thresholds anew."""
-    by_seed, rng = [rows for _, rows in views.groupby("seed", observed=True)], np.random.default_rng(0)
+    by_seed = [rows for _, rows in views.groupby("seed", observed=True)]
     false = [false_alarms(rows) for rows in by_seed]
     alarms = np.array([_alarms(rows) for rows in false])
     at_home = [rows[rows.kind == AT_HOME] for rows in by_seed]
@@ -333,9 +332,7 @@ def _wider(views: Any, rule: str) -> Interval:
     def more(draws: Any) -> float:
         return width("one", draws) - width(rule, draws)
 
-    every = np.arange(len(by_seed))
-    again = [more(rng.choice(every, len(every))) for _ in range(FEWER_RESAMPLES)]
-    return Interval(more(every), *np.percentile(again, (2.5, 97.5)))
+    return over_runs(more, len(by_seed), np.random.default_rng(0))
 
 
 @claim("Q20", "is learning better than a climb up the similarity, from the usual start?", OPPONENTS, NEAREST)

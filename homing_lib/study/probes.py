@@ -160,9 +160,9 @@ ANYWHERE, ABOUT_HOME, AT_HOME, DRIVEN = range(4)
 def rules_of_stopping(settings: Settings, seed: int) -> Columns:
     """What three rules of stopping make of the same views, by the camera.
 
-    One row per view: `kind` of the pose, `x`, `y`, `heading`, `away_m` and `turned_deg` from home, and what each rule
-    compares: `one`, the similarity to one snapshot (eq. 15, 19); `three`, to three of them (m = 3); `raw`, the mean
-    squared difference of the image from the snapshot's, intensities in [0, 1], negated, so that more is nearer.
+    One row per view: `kind` of the pose, `away_m` and `turned_deg` from home, and what each rule compares: `one`, the
+    similarity to one snapshot (eq. 15, 19); `three`, to three of them (m = 3); `raw`, the mean squared difference of
+    the image from the snapshot's, intensities in [0, 1], negated, so that more is nearer.
 
     Kinds: 3,000 free poses all over the room; places 3 cm apart within 15 cm of home along both axes, every 10 degrees
     up to 60; home's place, every 2 degrees; and a drive of 2,000 random actions from the start.
@@ -182,10 +182,8 @@ def rules_of_stopping(settings: Settings, seed: int) -> Columns:
             raw = -float(((image[:, :, :3] / 255 - remembered) ** 2).mean())
             away = np.hypot(pose.x - home.x, pose.y - home.y)
             turned = np.degrees(wrapped(pose.heading - home.heading))
-            rows.append(
-                (kind, *pose, away, turned, similarity(one.features(view)), similarity(three.features(view)), raw)
-            )
-    return _columns(("kind", "x", "y", "heading", "away_m", "turned_deg", "one", "three", "raw"), rows)
+            rows.append((kind, away, turned, similarity(one.features(view)), similarity(three.features(view)), raw))
+    return _columns(("kind", "away_m", "turned_deg", "one", "three", "raw"), rows)
 
 
 def _poses(

@@ -127,13 +127,11 @@ function showKept() {
 // What a change touches is made anew; a drawing alone is only painted. Some settings are one view's alone.
 function changed(name) {
   showControls();
-  if (["look", "map"].includes(name)) {
-    refreshAll();
-    return noteAddress();
-  }
   if (name === "with") {
     walkView.compare();
     if (robotView.experiment) robotView.compare();
+  }
+  if (["look", "map", "with"].includes(name)) {
     refreshAll();
     return noteAddress();
   }

@@ -1,0 +1,91 @@
+"""The controls of notebooks 3 and 4 draw their figure anew, and what they draw says what was chosen."""
+
+import ipywidgets
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from homing_lib import lambdas
+from homing_lib.publish import figures, plots, widgets
+from homing_lib.study import walk
+
+
+class Display:
+    """Stands in for IPython's `display`: what was shown, and what it was replaced by."""
+
+    def __init__(self):
+        self.shown, self.updates = [], []
+
+    def __call__(self, what, display_id=False):
+        self.shown.append(what)
+        return self if display_id else None
+
+    def update(self, what):
+        self.updates.append(what)
+
+
+@pytest.fixture
+def page(monkeypatch):
+    monkeypatch.setattr(widgets, "display", page := Display())
+    return page
+
+
+def test_under_the_controls_stands_the_figure_of_their_first_values(page):
+    figure, asked = Figure(), []
+    assert widgets.play(lambda **values: asked.append(values) or figure, lambda_=0.5, step_size=0.3) is figure
+    assert asked == [{"lambda_": 0.5, "step_size": pytest.approx(0.3)}]
+    box, below = page.shown
+    assert isinstance(box, ipywidgets.HBox)
+    assert below is figure
+    assert page.updates == []
+
+
+def test_each_control_draws_the_figure_anew_with_the_values_of_all(page):
+    drawn = []
+    widgets.play(lambda **values: drawn.append(values) or Figure(), rule="fixed", lambda_=0.5, step_size=0.3)
+    rule, lambda_, step_size = page.shown[0].children
+    rule.value, lambda_.value, step_size.value = "gate", 0.75, 0.03
+    assert drawn[-1] == {"rule": "gate", "lambda_": 0.75, "step_size": pytest.approx(0.03)}
+    assert len(drawn) == 4
+    assert len(page.updates) == 3
+
+
+@pytest.mark.parametrize("rule", widgets.RULES)
+def test_every_rule_on_offer_is_one_that_settings_know_and_has_lambda_or_a_guard(rule):
+    choice = lambdas.parse(widgets.setting(rule, 0.5))
+    assert choice.rule(
+        delta=1.0, phi=np.ones(1), delta_prev=4.0, phi_prev=np.ones(1), trace_prev=np.ones(1), discount=1
+    )
+    assert (choice.rule == lambdas.Fixed(0.5)) if rule == "fixed" else choice.on_zero == 0.5
+
+
+def drawn_by(monkeypatch, module, name):
+    """The arguments with which a plot is called."""
+    seen, plot = [], getattr(module, name)
+    monkeypatch.setattr(module, name, lambda *given, **how: seen.append(given) or plot(*given, **how))
+    return seen
+
+
+def test_on_the_walk_the_chosen_rule_stands_beside_the_same_reference(monkeypatch):
+    seen = drawn_by(monkeypatch, plots, "curves")
+    monkeypatch.setattr(walk, "learning", lambda rule, seed, size: np.full(10, np.inf if size > 1 else size))
+    assert isinstance(widgets.on_the_walk("fletcher-reeves", 0.8, 0.1), Figure)
+    widgets.on_the_walk("fixed", 1.0, 2.0)
+    ((title, tables),), ((lost, capped),) = (panels.items() for panels, *_ in seen)
+    assert title == "Mean error 0.1 with form 2, guard 0.8, step size 0.1; 0.3 with λ = 0.8, step size 0.3"
+    assert {name: (table.shape, table.mean().round(3)) for name, table in tables.items()} == {
+        "form 2, guard 0.8": ((10, 10), 0.1),
+        "for comparison": ((10, 10), 0.3),
+    }
+    assert lost.startswith("Mean error inf with λ = 1, step size 2;")
+    assert capped["λ = 1"].max() == 0.7
+
+
+def test_on_the_robot_episodes_that_were_not_finished_are_named(monkeypatch):
+    seen = drawn_by(monkeypatch, figures, "paths")
+    widgets.on_the_robot("fletcher-reeves", 0.0, 1.25e-3)
+    widgets.on_the_robot("fixed", 1.0, 1.25e-2)
+    home, lost = (rows["one run"] for rows, _ in seen)
+    assert [label.split(":")[0] for label, _ in home] == [f"episode {number}" for number in (1, 2, 5, 10, 20)]
+    assert all(label.endswith(f": {len(way)} steps") for label, way in home)
+    assert [label for label, _ in lost][-1] == "episode 20: weights lost"
