@@ -2,10 +2,14 @@
 
 import sys
 
+from homing_lib.errors import UserError
+
 try:
     from homing_lib.publish.commands import main
 except KeyboardInterrupt:  # while much is being loaded
     sys.exit(130)
+except UserError as error:  # a room that is not described right
+    sys.exit(f"homing: {error}")
 
 if __name__ == "__main__":
     sys.exit(main())

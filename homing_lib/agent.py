@@ -62,18 +62,13 @@ class SarsaAgent:
         s = self.settings
         rate = decrease_rate(number, s.first_episode)
         self.learner.step_size = s.alpha0 * rate
-        self._epsilon, self._temperature = s.epsilon0 * rate, s.tau0 * rate
+        self._exploring: dict[str, Any] = {"epsilon": s.epsilon0 * rate, "temperature": s.tau0 * rate}
         self.learner.begin_episode()
 
     def choose(self, phi: Array) -> int:
         """Draw an action from eq. (22)."""
-        probabilities = action_probabilities(
-            self.learner.values(phi).tolist(),
-            epsilon=self._epsilon,
-            temperature=self._temperature,
-            mixture=self.settings.mixture,
-        )
-        return sample(probabilities, self._rng)
+        values = self.learner.values(phi).tolist()
+        return sample(action_probabilities(values, mixture=self.settings.mixture, **self._exploring), self._rng)
 
     def learn(
         self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
@@ -120,6 +115,7 @@ class ClimbingAgent(RandomAgent):
 
 
 Agent = SarsaAgent | RandomAgent
+_REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": ClimbingAgent}
 
 
 def overwritten(rule: LambdaRule) -> LambdaRule:
@@ -178,9 +174,6 @@ class Run:
             raise IndexError("episodes count from 1")
         index = number - (number > 0)
         return self.steps[self.ended[index] - self.lengths[index] : self.ended[index]]
-
-
-_REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": ClimbingAgent}
 
 
 def run(

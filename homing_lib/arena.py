@@ -8,7 +8,7 @@ import os
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
@@ -48,11 +48,10 @@ except ImportError:
     ) from None
 
 _BODY_HEIGHT_M, _LARGEST_CLEARANCE_M = 0.03, 0.1
-_ROBOT_GROUP = 64
-"""Bullet's collision group of the robot, beyond those that Bullet gives by itself: infra-red rays pass it by."""
+_ROBOT_GROUP = 64  # the robot's collision group, beyond those that Bullet gives by itself: infra-red rays pass it by
 
 
-class Arena:
+class Arena(AbstractContextManager["Arena"]):
     """A room and the robot's body in it. Use as a context manager, or `close()` it: it holds a Bullet client."""
 
     def __init__(self, room: Room, settings: Settings) -> None:
@@ -107,8 +106,7 @@ class Arena:
 
     def top_view(self, pixels: int = 480) -> Image:
         """The room from above with the same textures, shape (height, pixels, 3): x to the right, y upwards."""
-        width, depth = self.room.size
-        distance = 6.0
+        (width, depth), distance = self.room.size, 6.0
         above, below = (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0)
         view = pybullet.computeViewMatrix(above, below, (0.0, 1.0, 0.0))
         right = width / 2 * 0.02 / distance
@@ -223,9 +221,6 @@ class Arena:
         """Free the Bullet client. Closing twice is harmless."""
         self._free()
         self._client = self._ours["physicsClientId"] = -1  # others may have its number next
-
-    def __enter__(self) -> "Arena":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

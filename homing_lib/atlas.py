@@ -38,6 +38,7 @@ FOLDER = ROOT / ".build" / "atlas"
 _BLOCK = 3  # columns of the lattice that are rendered and kept together
 _OUTSIDE_M = -0.1  # the clearance outside the lattice, which is outside the room
 _source = cache(inspect.getsource)  # which parses the whole file
+_opened: dict[Path, "Atlas"] = {}
 
 
 def camera_available() -> bool:
@@ -154,8 +155,6 @@ def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, wo
     return _opened[path]
 
 
-_opened: dict[Path, Atlas] = {}
-
 COMPACT = Path(__file__).with_name("compact.atlas")
 """The paper's room on a coarse lattice, which comes along for machines without PyBullet (see `publish.compact`)."""
 
@@ -167,10 +166,8 @@ def open_compact(room: Room, settings: Settings) -> Atlas:
     usual = Settings().of_scope("lattice")  # nobody's wish; another lattice than that is asked for, and is not this one
     for name, value in {"room": room.name, **settings.of_scope("view", "lattice")}.items():
         if value not in (held[name], usual.get(name, held[name])):
-            here = f"{name} = {held[name]}, not {value}"
-            raise UserError(
-                f'images = compact holds the paper\'s room with {here}; use images="atlas", which needs PyBullet'
-            )
+            told = f"images = compact holds the paper's room with {name} = {held[name]}, not {value}"
+            raise UserError(f'{told}; use images="atlas", which needs PyBullet')
     return atlas
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from math import cos, isfinite, pi, radians, sin
 from operator import index
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import cv2
 import gymnasium
@@ -19,18 +19,13 @@ from homing_lib.settings import Settings
 from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
-if TYPE_CHECKING:
-    from homing_lib.arena import Arena
-
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-
-Start = tuple[float, float, float] | Literal["uniform"]
+_SURVEYS: dict[str, HomeModel] = {}  # what this process has found out about homes, by all that it depends on
+_WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
 class HomingEnv(gymnasium.Env[Any, Any]):
     """A small robot, one snapshot of a home that it cannot see, and a way back that begins with a u-turn.
-
-    ## Description
 
     A Khepera, 70 mm across, stands in a room of 1.15 m x 1 m with a colour camera that looks ahead. From a start where
     nothing of the home is in sight, it must come back to where the view resembles its snapshot, in front of a
@@ -100,10 +95,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     | `reflex`     | int   | the action that the next step will drive whatever is commanded; -1 without reflex |
     | `at_wall`    | bool  | stopped by an obstacle in this step, or turning away from it                      |
 
-    ## Rendering
-
-    `render_mode="rgb_array"`: the room from above, uint8, 480 pixels wide, with home, the path so far and the robot.
-
     ## Arguments
 
     ```python
@@ -119,7 +110,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
     (histograms from a lattice of poses instead of the camera, thousands of times a second; features only) or "compact"
     (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
-    `home`: another pose at which the snapshot is taken. `close()` frees the simulator.
+    `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8, 480
+    pixels wide, with home, the path so far and the robot. `close()` frees the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
@@ -129,7 +121,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         settings: Settings | None = None,
         *,
         observation: Literal["image", "features"] = "image",
-        start: Start | None = None,
+        start: tuple[float, float, float] | Literal["uniform"] | None = None,
         home: tuple[float, float, float] | None = None,
         model: HomeModel | None = None,
         survey_seed: int | np.random.SeedSequence = 0,
@@ -143,15 +135,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.room = room_named(settings.room)
         size, n = settings.image_size, settings.n_features
         box = gymnasium.spaces.Box
-        spaces: dict[str, gymnasium.Space[Any]] = {
-            "image": box(0, 255, (size, size, 3), np.uint8),
-            "features": box(0.0, 1.0, (n,), np.float64),
-        }
+        pixels, shares = box(0, 255, (size, size, 3), np.uint8), box(0.0, 1.0, (n,), np.float64)
+        spaces: dict[str, gymnasium.Space[Any]] = {"image": pixels, "features": shares}
         if not isinstance(observation, str) or observation not in spaces:
             raise UserError(f"observation = {shown(observation)}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
-            remedy = 'choose "features", or images="camera"'
-            raise UserError(f'observation = "image": an atlas holds histograms only; {remedy}')
+            raise UserError(
+                'observation = "image": an atlas has histograms only; choose "features", or images="camera"'
+            )
         if not isinstance(render_mode, str | None) or render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
@@ -165,7 +156,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._under_way = self._closed = False
 
         self.world: World
-        self._arena: Arena | None = None
+        self._arena: Any = None
         self._atlas: atlas.Atlas | None = None
         self._seen: dict[int, tuple[Array, float]] = {}  # features and similarity, by lattice pose
         self._seen_by: HomeModel | None = None
@@ -211,7 +202,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
         self._require()
-        if not self.action_space.contains(action):
+        # Gymnasium's own check is a tenth of a step.
+        if not (type(action) is int and 0 <= action <= 2) and not self.action_space.contains(action):
             raise UserError(f"action = {shown(action)}: must be 0, 1 or 2")
         self._steps += 1
         driven, at_wall = self._robot.act(int(action), self.np_random)
@@ -265,15 +257,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
                 features.setflags(write=False)
                 self._seen[number] = features, similarity(features)
             return self._seen[number]
-        assert self._arena is not None
         image = self._arena.image(self._robot.pose)
         features = self.model.features(histogram(image, self.settings.bin_size))
         return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
 
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
-        pose, nrb, reflex = self._robot.pose, self._similarity, self._robot.reflex
-        reflex = -1 if reflex is None else reflex
-        return {"similarity": nrb, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
+        pose, reflex = self._robot.pose, -1 if self._robot.reflex is None else self._robot.reflex
+        return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
     def _shared_survey(self) -> HomeModel:
         scopes = self.settings.of_scope("view", "lattice", "survey")
@@ -304,11 +294,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return Pose(x, y, wrapped(heading))
 
 
-_SURVEYS: dict[str, HomeModel] = {}  # what this process has found out about homes, by all that it depends on
-
-_WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
-
-
 def draw(
     top_view: Image, room: Room, settings: Settings, path: Sequence[Any], pose: Pose, home: Pose | None = None
 ) -> Image:
@@ -332,22 +317,15 @@ def draw(
 
 
 def reward(
-    step: int,
-    similarity: float,
-    similarity_before: float,
-    psi_lower: float,
-    at_wall: bool,
-    settings: Settings,
-    *,
-    home: bool = False,
+    step: int, similarity: float, before: float, psi_lower: float, at_wall: bool, settings: Settings, home: bool = False
 ) -> float:
     """Eq. (16): -1/t, plus 2 NRB_t - NRB_(t-1) while both reach psi_lower; less the penalty at a wall (V.A).
 
-    Scaled; and where the step ends at home, the bonus.
+    Scaled; and where the step ends at home, the bonus. similarity, before: NRB_t, NRB_(t-1).
     """
     gain = -1 / step if settings.step_cost == "1/t" else -CONSTANT_COST
-    if settings.approach_reward and similarity >= psi_lower and similarity_before >= psi_lower:
-        gain += 2 * similarity - similarity_before
+    if settings.approach_reward and similarity >= psi_lower and before >= psi_lower:
+        gain += 2 * similarity - before
     if at_wall:
         gain -= settings.wall_penalty
     return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
@@ -368,9 +346,8 @@ def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generato
         robot.act(int(rng.integers(3)), rng)
         seen[step] = world.histogram(robot.pose)
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
-    return HomeModel(
-        snapshots, difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
-    )
+    how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
+    return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))
 
 
 def seed_of(what: str, seed: Any) -> Any:

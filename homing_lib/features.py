@@ -70,9 +70,8 @@ class HomeModel:
 
     def __post_init__(self) -> None:
         if self.snapshots.ndim != 2 or self.snapshots.shape != self.variance.shape:
-            raise ValueError(
-                f"snapshots {self.snapshots.shape} and variance {self.variance.shape}: both must be (m, 3 B)"
-            )
+            shapes = f"snapshots {self.snapshots.shape} and variance {self.variance.shape}"
+            raise ValueError(f"{shapes}: both must be (m, 3 B)")
         # For one snapshot, vectors: no broadcasting at every step.
         object.__setattr__(self, "_snapshots", self.snapshots.squeeze())
         object.__setattr__(self, "_exponent", -0.5 / self.variance.squeeze())

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import signature
 from math import isfinite
+from operator import neg
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,14 @@ def named(name: str) -> Callable[[LambdaRule], LambdaRule]:
     return lambda rule: RULES.update({name: rule}) or rule
 
 
+def _derived(name: str, rule: LambdaRule, change: Callable[[float], float]) -> LambdaRule:
+    def derived(**step: Any) -> float:
+        return change(rule(**step))
+
+    derived.__name__ = name
+    return named(name)(derived)
+
+
 @named("hestenes-stiefel")
 def hestenes_stiefel(
     *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
@@ -63,10 +72,7 @@ def hestenes_stiefel(
     return _ratio(-along_phi, discount * along_trace)
 
 
-@named("hestenes-stiefel:printed")
-def hestenes_stiefel_printed(**step: Any) -> float:
-    """Eq. (7), form 1 as printed: without the minus."""
-    return -hestenes_stiefel(**step)
+hestenes_stiefel_printed = _derived("hestenes-stiefel:printed", hestenes_stiefel, neg)  # without the minus
 
 
 @named("fletcher-reeves")
@@ -103,10 +109,7 @@ def gate(*, delta: float, delta_prev: float, **_: Any) -> float:
     return float(min(delta, delta_prev) > 0 or max(delta, delta_prev) < 0)
 
 
-@named("gate:0.7")
-def gate_of_a_part(**step: Any) -> float:
-    """The same with .7 of the trace: a fixed lambda that is cut where the TD error changes its sign."""
-    return 0.7 * gate(**step)
+_derived("gate:0.7", gate, lambda kept: 0.7 * kept)  # a fixed lambda that is cut where the TD error changes its sign
 
 
 @named("gate:opposite")
@@ -121,22 +124,9 @@ def inverse(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, dis
     return _ratio(discount * delta_prev * dot(phi_prev, phi_prev), delta * dot(phi, phi))
 
 
-@named("absolute")
-def absolute(**step: Any) -> float:
-    """Form 2's size without its sign."""
-    return abs(fletcher_reeves(**step))
-
-
-@named("fletcher-reeves:negated")
-def fletcher_reeves_negated(**step: Any) -> float:
-    """Form 2 with the other sign."""
-    return -fletcher_reeves(**step)
-
-
-@named("polak-ribiere:negated")
-def polak_ribiere_negated(**step: Any) -> float:
-    """Form 3 with the other sign."""
-    return -polak_ribiere(**step)
+_derived("absolute", fletcher_reeves, abs)  # form 2's size without its sign
+_derived("fletcher-reeves:negated", fletcher_reeves, neg)
+_derived("polak-ribiere:negated", polak_ribiere, neg)
 
 
 def _ratio(numerator: float, denominator: float) -> float:
@@ -184,9 +174,8 @@ def parse(text: str) -> Choice:
     known = f"fixed:<lambda>, {', '.join(RULES)}"
     if not isinstance(text, str):
         others = f"`agent.run` and the learners also take a function: {TAKES_AND_RETURNS}"
-        number = (
-            f"'fixed:{_short(float(text))}', or any of " if isinstance(text, int | float) and 0 <= text <= 1 else ""
-        )
+        fixed = isinstance(text, int | float) and 0 <= text <= 1
+        number = f"'fixed:{_short(float(text))}', or any of " if fixed else ""
         raise ValueError(f"settings name their rule: {number}{known}; {others}")
     name, *options = text.split(":")
     while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):
@@ -212,9 +201,8 @@ def checked(rule: LambdaRule) -> LambdaRule:
     try:
         signature(rule).bind(delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0)
     except TypeError as error:
-        raise TypeError(
-            f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}; {TAKES_AND_RETURNS}"
-        ) from None
+        told = f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}"
+        raise TypeError(f"{told}; {TAKES_AND_RETURNS}") from None
     except ValueError:
         pass  # one of C, which keeps its signature to itself
     return rule

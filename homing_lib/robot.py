@@ -87,8 +87,7 @@ class Robot:
     def __init__(self, world: World, settings: Settings, pose: Pose) -> None:
         self._world = world
         self._wheel_base, self._slip = settings.wheel_base_m, settings.wheel_slip
-        self._clear_way = settings.clear_way_m
-        self._commands = settings.wheel_commands_m
+        self._clear_way, self._commands = settings.clear_way_m, settings.wheel_commands_m
         turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
         self._turns = (-turn, turn), (turn, -turn)
         self.place(pose)

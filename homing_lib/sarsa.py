@@ -124,11 +124,8 @@ class LinearSarsa:
         self._e: Array = np.zeros_like(self._theta)
         self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
-    def values(self, phi: ArrayLike) -> Array:
-        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
-        return self._values("phi", phi)
-
-    def _values(self, name: str, phi: ArrayLike | None) -> Array:
+    def values(self, phi: ArrayLike | None, name: str = "phi") -> Array:
+        """Q(s, a) of every action, shape (actions,). phi: shape (n,); name: what a refusal calls it."""
         x = self._features(name, phi)
         return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
 
@@ -256,7 +253,7 @@ class LinearQ(LinearSarsa):
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = self._values("phi_next", phi_next)
+        values = self.values(phi_next, "phi_next")
         self._cut = bool(values[self._action("next_action", next_action)] < values.max())
         return float(values.max())
 

@@ -11,16 +11,8 @@ from math import radians
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+import pydantic
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from homing_lib import lambdas
 from homing_lib.errors import UserError, nearest, shown
@@ -29,29 +21,20 @@ from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import room_named
 from homing_lib.sarsa import Traces, Update
 
-
-def _known_rule(text: str) -> str:
-    return str(lambdas.parse(text))
-
-
-def _known_room(name: str) -> str:
-    return room_named(name).name
+_Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.parse(text)))]
+_Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
 
 
-def _field(default: Any, description: str, printed: str | None = None, scope: str = "", **bounds: Any) -> Any:
-    return Field(default, description=description, json_schema_extra={"printed": printed, "scope": scope}, **bounds)
+def _field(default: Any, description: str, printed: str | None = None, scope: str = "", **others: Any) -> Any:
+    added = others.pop("added", False)
+    extra: dict[str, Any] = {"printed": printed, "scope": scope, "added": added}
+    return Field(default, description=description, json_schema_extra=extra, **others)
 
 
 _view = partial(_field, scope="view")  # what is seen, felt and touched at a pose depends on it
 _lattice = partial(_field, scope="lattice")  # where an atlas has its poses
 _survey = partial(_field, scope="survey")  # beyond these, what the robot knows of home before it learns
-
-
-def _added(default: Any, description: str, **bounds: Any) -> Any:
-    """A field that came after runs had been stored: it is written only where it is not its default, so that they keep
-    their names."""
-    extra: dict[str, Any] = {"printed": None, "scope": "", "added": True}
-    return Field(default, description=description, json_schema_extra=extra, **bounds)
+_added = partial(_field, added=True)  # after runs had been stored: written where not the default, so they keep names
 
 
 class Settings(BaseModel):
@@ -76,83 +59,44 @@ class Settings(BaseModel):
         "1.25e-2 (table), 1.25e-3 (text), 0.1/(2 EP^2) = 1.25e-4 (formula)",
         ge=1e-9,
     )
-    epsilon0: float = _field(
-        0.3, "Table I, epsilon_0: initial exploration. 0.3 EP is no probability", "0.3 EP = 6", ge=0, le=1
-    )
-    first_episode_share: float = _field(
-        0.3, "Table I, ep_0 as a share of EP: how soon alpha, epsilon and tau fall (eq. 23)", "0.3 EP = 6", ge=0, le=1e9
-    )
+    epsilon0: float = _field(0.3, "Table I, epsilon_0: initial exploration, a probability", "0.3 EP = 6", ge=0, le=1)
+    first_episode_share: float = _field(0.3, "Table I, eq. (23): ep_0 as a share of EP", "0.3 EP = 6", ge=0, le=1e9)
     discount: float = _field(1.0, "Table I, gamma", "1", ge=0, le=1)
     snapshots: int = _survey(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
     bin_size: int = _view(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
-    multiplier: float = _field(
-        12.0, "Eq. (19): psi_upper from this, psi_lower from one less", "11 and 12: .904 and .908", ge=2, le=1e9
-    )
+    multiplier: float = _field(12.0, "Eq. (19): that of psi_upper", "11 and 12: .904 and .908", ge=2, le=1e9)
 
     # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
-    lambda_rule: Annotated[str, BeforeValidator(_known_rule)] = _field(
-        "fletcher-reeves", "Eq. (7), Fig. 2: form 2, or any rule that `lambdas.parse` knows", "form 2"
-    )
+    lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: or any that `lambdas.parse` knows", "form 2")
     theta0: float = _field(1.0, "Fig. 2: initial value of every weight", "1")
     traces: Traces = _field("accumulating", "Eq. (17)", "accumulating")
     update: Update = _field("taken", "Eq. (18): weights of the taken action, or of all as is standard", "taken")
     bootstrap_terminal: bool = _field(True, "Fig. 2 has no terminal case: home is valued like any view", "True")
-    overwrite_features: bool = _field(
-        False, "Fig. 2's last lines overwrite phi_t before they keep it, so that lambda sees phi_(t-1) = phi_t", "True"
-    )
+    overwrite_features: bool = _field(False, "Fig. 2: before it keeps phi_t, so that phi_(t-1) = phi_t (E12)", "True")
 
     # --- Exploration (section III.I) ------------------------------------------------------------------------------
     mixture: Mixture = _field(
-        "epsilon-greedy",
-        "Eq. (22); calibrated: eq. (21) alone. `literal` is as printed; in `normalised` both components weigh alike",
-        "literal",
+        "epsilon-greedy", "Eq. (22); calibrated: eq. (21) alone; `normalised`: both components weigh alike", "literal"
     )
-    tau0: float = _field(
-        0.03,
-        "Eq. (20), declared: initial temperature of both mixtures, no value printed; falls like epsilon",
-        ge=1e-6,
-        le=1e6,
-    )
+    tau0: float = _field(0.03, "Eq. (20), declared: initial temperature; falls like epsilon", ge=1e-6, le=1e6)
 
     # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
-    step_cost: Literal["1/t", "constant"] = _field(
-        "1/t", "Eq. (16): the cost of step t; `constant` charges the mean of 1/t over 100 steps", "1/t"
-    )
+    step_cost: Literal["1/t", "constant"] = _field("1/t", "Eq. (16): of step t, or the mean of 100 steps", "1/t")
     approach_reward: bool = _field(True, "Eq. (16): 2 NRB_t - NRB_(t-1) while both reach psi_lower", "True")
-    wall_penalty: float = _field(
-        0.1, "V.A, declared and calibrated: charged a step at a wall; the paper says only: high", ge=0, le=1e6
-    )
+    wall_penalty: float = _field(0.1, "V.A, declared, calibrated: a step at a wall; the paper: high", ge=0, le=1e6)
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
-    reward_scale: float = _added(
-        1.0, "Declared: factor of the whole reward, penalty included; 0: none, -1: turned round", ge=-1e6, le=1e6
-    )
-    terminal_bonus: float = _added(
-        0.0, "Declared: paid on reaching home, unscaled; the paper pays none", ge=-1e6, le=1e6
-    )
-    band: float = _added(
-        1.0, "Section III.H: by how much the multiplier of psi_lower is less than psi_upper's; others widen it", gt=0
-    )
+    reward_scale: float = _added(1.0, "Declared: factor of the whole reward, penalty included", ge=-1e6, le=1e6)
+    terminal_bonus: float = _added(0.0, "Declared: paid on reaching home; the paper pays none", ge=-1e6, le=1e6)
+    band: float = _added(1.0, "Section III.H: the multiplier of psi_upper less that of psi_lower", gt=0)
 
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _survey(
-        "pooled",
-        "Eq. (12), calibrated: one sigma^2 for all bins; with one a bin (eq. 8) the published thresholds leave a home "
-        "too small for the robot's steps",
-        "both",
+        "pooled", "Eq. (12), calibrated: one for all bins; one a bin (eq. 8) makes home smaller than a step", "both"
     )
     centre: Centre = _survey("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
-    survey_steps: int = _survey(
-        2000, "Eq. (9), T. Declared: steps of the random drive before learning that estimates sigma^2", ge=2, le=100_000
-    )
-    variance_floor_pixels: float = _survey(
-        1.0,
-        "Declared: least sigma of a bin, in pixels, so that a bin that never varies keeps a feature",
-        ge=1e-3,
-        le=1e6,
-    )
-    snapshot_angle_deg: float = _survey(
-        20.0, "Declared: the angle of the two further snapshots of the earlier model (m = 3) to the first", ge=1, le=90
-    )
+    survey_steps: int = _survey(2000, "Eq. (9), T, declared: random steps that estimate sigma^2", ge=2, le=100_000)
+    variance_floor_pixels: float = _survey(1.0, "Declared: least sigma, for a bin that never varies", ge=1e-3, le=1e6)
+    snapshot_angle_deg: float = _survey(20.0, "Declared: from the first snapshot to two further ones", ge=1, le=90)
 
     # --- Camera ---------------------------------------------------------------------------------------------------
     image_size: int = _view(64, "Declared: pixels on a side, the simulator's Khepera camera", ge=8, le=512)
@@ -166,48 +110,32 @@ class Settings(BaseModel):
     body_diameter_m: float = _view(0.070, "Section IV: 70 mm in diameter", "70 mm", ge=0.001, le=0.2)
     forward_m: float = _survey(0.040, "Declared, calibrated: both wheels' way in one forward action", ge=0.001, le=0.2)
     turn_deg: float = _survey(20.0, "Declared, calibrated: rotation of one left or right action", ge=1, le=90)
-    turn_advance_m: float = _survey(
-        0.030, "Declared, calibrated: mean way of the wheels in one turning action", ge=0, le=0.2
-    )
+    turn_advance_m: float = _survey(0.030, "Declared, calibrated: the centre's way in such an action", ge=0, le=0.2)
     infrared_range_m: float = _view(0.050, "Declared: Khepera II", ge=0.001, le=0.5)
-    clear_way_m: float = _survey(
-        0.045, "Declared: the reactive turn ends when all four front infra-red rays see at least this far", ge=0
-    )
+    clear_way_m: float = _survey(0.045, "Declared: the reactive turn ends when all front sensors see so far", ge=0)
     wheel_slip: float = _survey(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
 
     # --- Experiment ------------------------------------------------------------------------------------------------
-    room: Annotated[str, AfterValidator(_known_room)] = _survey(
-        "paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it"
-    )
-    start: Literal["room", "uniform"] = _added(
-        "room", "Section IV: each episode begins at the room's start, or at a pose drawn anew from all free ones"
-    )
-    controller: Literal["sarsa", "random", "climb"] = _field(
-        "sarsa", "Fig. 2, or what it is measured against: random actions, or a climb up the similarity", "sarsa"
-    )
-    images: Literal["camera", "atlas", "compact"] = _survey(
-        "camera", "Declared: rendered at every step, looked up on a lattice, or on the coarser one that comes along"
-    )
+    room: _Room = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    start: Literal["room", "uniform"] = _added("room", "Section IV: the room's; or drawn anew from all free poses")
+    controller: Literal["sarsa", "random", "climb"] = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
+    images: Literal["camera", "atlas", "compact"] = _survey("camera", "Declared: rendered, or looked up on a lattice")
     atlas_spacing_m: float = _lattice(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
-    atlas_heading_deg: int = _lattice(
-        10, "Declared: between neighbouring headings of the atlas, a divisor of 360", ge=1
-    )
-    max_steps: int = _field(
-        2000, "Declared: an episode that is longer is cut and counted as truncated", ge=1, le=1_000_000
-    )
+    atlas_heading_deg: int = _lattice(10, "Declared: between neighbouring headings of it, a divisor of 360", ge=1)
+    max_steps: int = _field(2000, "Declared: a longer episode is cut, and counted as truncated", ge=1, le=1_000_000)
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _consistent(self) -> "Settings":
-        if self.clear_way_m > self.infrared_range_m:
-            bound = f"must not exceed infrared_range_m = {self.infrared_range_m}"
-            raise ValueError(f"clear_way_m = {self.clear_way_m}: {bound}")
+        reach = self.infrared_range_m
+        if self.clear_way_m > reach:
+            raise ValueError(f"clear_way_m = {self.clear_way_m}: must not exceed infrared_range_m = {reach}")
         if 360 % self.atlas_heading_deg:
             raise ValueError(f"atlas_heading_deg = {self.atlas_heading_deg}: must divide 360")
         if self.band >= self.multiplier:
             raise ValueError(f"band = {self.band:g}: must be less than multiplier = {self.multiplier:g}")
         return self
 
-    @model_serializer(mode="wrap")
+    @pydantic.model_serializer(mode="wrap")
     def _without_added_defaults(self, whole: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         return {name: value for name, value in whole(self).items() if value != _LEFT_OUT.get(name)}
 
@@ -248,7 +176,7 @@ class Settings(BaseModel):
 
 
 _EXTRAS: dict[str, Any] = {name: field.json_schema_extra for name, field in Settings.model_fields.items()}
-_LEFT_OUT = {name: Settings.model_fields[name].default for name, extra in _EXTRAS.items() if "added" in extra}
+_LEFT_OUT = {name: Settings.model_fields[name].default for name, extra in _EXTRAS.items() if extra["added"]}
 
 
 def _one_line(problem: Any) -> str:

@@ -15,20 +15,12 @@ from numpy.typing import NDArray
 
 from homing_lib.errors import DamagedFile, UserError
 
-_MARK = Path("data", "STUDIES.md")
+MARK = Path("data", "STUDIES.md")
 _PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 
-ROOT = next((folder for folder in _PLACES if (folder / _MARK).exists()), Path.cwd())
+ROOT = next((folder for folder in _PLACES if (folder / MARK).exists()), Path.cwd())
 """Where data/, figures/ and notebooks/ stand, and .build/ is made: the checkout that this package stands in; if it was
 installed without, the one worked in, or this folder."""
-
-
-def missing(path: Path, otherwise: str) -> UserError:
-    """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
-    if (ROOT / _MARK).exists():
-        return UserError(f"{path}: {otherwise}")
-    where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
-    return UserError(f"{path}: missing, for {where}; clone it and work there")
 
 
 def packed(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:

@@ -42,7 +42,7 @@ from homing_lib.publish import commands
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.storage import packed, read_arrays
-from homing_lib.study import measures, runs, studies
+from homing_lib.study import measures, runs, studies, theorem
 from homing_lib.study.runs import Study
 
 ROOT = Path(__file__).parent.parent
@@ -488,9 +488,9 @@ class Campaign:
         """What a learner is made with, or told, is odd; a refusal leaves its weights as they were."""
         rng, n = self.rng, 4
         odd = rng.choice([*OTHERS, *NUMBERS])
-        kind = rng.choice([sarsa.LinearSarsa, sarsa.LinearQ, td.LinearTD, td.TrueOnlineTD, td.ConjugateTD])
+        kind = rng.choice([sarsa.LinearSarsa, sarsa.LinearQ, td.LinearTD, td.TrueOnlineTD, theorem.ConjugateTD])
         made: dict[str, Any] = {"step_size": 0.1, "discount": 0.9}
-        if kind is not td.ConjugateTD:
+        if kind is not theorem.ConjugateTD:
             made["lambda_rule"] = rng.choice([lambdas.fletcher_reeves, lambdas.Fixed(0.5), lambda **_: odd])
         if rng.random() < 0.3:
             made[rng.choice(list(made))] = odd

@@ -199,7 +199,8 @@ def test_step_size_epsilon_and_tau_fall_together_from_episode_to_episode_by_eq_2
     for number in (1, 9, 20):
         agent.begin_episode(number)
         rate = decrease_rate(number, 6)
-        assert (agent.learner.step_size, agent._epsilon, agent._temperature) == (0.01 * rate, 0.5 * rate, 0.2 * rate)
+        assert agent.learner.step_size == 0.01 * rate
+        assert agent._exploring == {"epsilon": 0.5 * rate, "temperature": 0.2 * rate}
 
 
 def test_learning_at_walls_may_be_switched_off_and_then_only_those_steps_teach_nothing(short):

@@ -294,7 +294,7 @@ def test_a_start_that_cannot_be_is_refused_in_one_line_and_leaves_no_client_behi
         ({"render_mode": "human"}, "render_mode = 'human': must be rgb_array or None"),
         ({"alpha0": -1}, "setting alpha0 = -1: Input should be greater than or equal to 0.000000001"),
         ({"colour": 1}, "setting colour: there is none of this name"),
-        ({"images": "atlas"}, 'observation = "image": an atlas holds histograms only; choose "features"'),
+        ({"images": "atlas"}, 'observation = "image": an atlas has histograms only; choose "features"'),
         ({"snapshots": 3}, "model: has 258 features, the settings ask for 774 (eq. 14)"),
     ],
 )
@@ -327,7 +327,7 @@ def test_the_actions_are_left_right_and_forward(env):
         assert info["action"] == action
 
 
-STEP = {"step": 4, "similarity": 0.95, "similarity_before": 0.92, "psi_lower": 0.9, "at_wall": False}
+STEP = {"step": 4, "similarity": 0.95, "before": 0.92, "psi_lower": 0.9, "at_wall": False}
 
 
 @pytest.mark.parametrize(
@@ -335,17 +335,17 @@ STEP = {"step": 4, "similarity": 0.95, "similarity_before": 0.92, "psi_lower": 0
     [
         ({}, {}, -1 / 4 + 2 * 0.95 - 0.92),
         ({"similarity": 0.89}, {}, -1 / 4),  # this view below psi_lower
-        ({"similarity_before": 0.89}, {}, -1 / 4),  # the view before it
-        ({"similarity": 0.9, "similarity_before": 0.9}, {}, -1 / 4 + 0.9),  # both just reach it
+        ({"before": 0.89}, {}, -1 / 4),  # the view before it
+        ({"similarity": 0.9, "before": 0.9}, {}, -1 / 4 + 0.9),  # both just reach it
         ({"at_wall": True}, {"wall_penalty": 3}, -1 / 4 + 2 * 0.95 - 0.92 - 3),
         ({}, {"approach_reward": False}, -1 / 4),
         ({"similarity": 0.5, "step": 1}, {}, -1),
         ({"similarity": 0.5}, {"step_cost": "constant"}, -5.187377517639621 / 100),  # the 100th harmonic number
         ({"at_wall": True}, {"wall_penalty": 3, "reward_scale": 0}, 0),
         ({"at_wall": True}, {"wall_penalty": 3, "reward_scale": -1}, 1 / 4 - 2 * 0.95 + 0.92 + 3),
-        ({"home": True, "similarity_before": 0.5}, {"terminal_bonus": 7}, -1 / 4 + 7),
-        ({"home": True, "similarity_before": 0.5}, {"terminal_bonus": 7, "reward_scale": -1}, 1 / 4 + 7),
-        ({"similarity_before": 0.5}, {"terminal_bonus": 7}, -1 / 4),  # not at home yet
+        ({"home": True, "before": 0.5}, {"terminal_bonus": 7}, -1 / 4 + 7),
+        ({"home": True, "before": 0.5}, {"terminal_bonus": 7, "reward_scale": -1}, 1 / 4 + 7),
+        ({"before": 0.5}, {"terminal_bonus": 7}, -1 / 4),  # not at home yet
     ],
 )
 def test_the_reward_is_eq_16_less_the_wall_penalty(changes, settings, expected):

@@ -8,7 +8,8 @@ import swifttd
 
 from homing_lib.lambdas import RULES, Fixed, fletcher_reeves, hestenes_stiefel_printed, polak_ribiere
 from homing_lib.sarsa import LinearSarsa
-from homing_lib.td import ConjugateTD, LinearTD, TrueOnlineTD
+from homing_lib.study.theorem import ConjugateTD
+from homing_lib.td import LinearTD, TrueOnlineTD
 from tests.classics import BoyanChain, Walk, learn
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, parse
-from homing_lib.td import ConjugateTD, Diverged, LinearTD, TrueOnlineTD, beta
+from homing_lib.study.theorem import ConjugateTD, beta
+from homing_lib.td import Diverged, LinearTD, TrueOnlineTD
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 LEARNERS = (LinearTD, TrueOnlineTD)

@@ -22,7 +22,8 @@ from homing_lib.study import claims, mechanism, walk
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode
 from homing_lib.study.statistics import iqm
-from homing_lib.td import Form, LinearTD
+from homing_lib.study.theorem import Form
+from homing_lib.td import LinearTD
 from homing_lib.thresholds import Thresholds, stopping_thresholds
 
 # --- 1: the world and its features -----------------------------------------------------------------------------------

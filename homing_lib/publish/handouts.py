@@ -14,8 +14,9 @@ from pathlib import Path
 import nbformat
 
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, execute
-from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study.mechanism import MECHANISM
+from homing_lib.study.runs import missing
 
 LAB = NOTEBOOKS / "lab.ipynb"
 GUIDE = NOTEBOOKS / "lab" / "teacher.md"
@@ -51,7 +52,7 @@ def executed(answers: Mapping[str, str]) -> bytes:
 
 def students() -> dict[str, bytes]:
     """What is in the students' archive, by name: the blank lab, the library, and the one table that the lab reads."""
-    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".atlas")]
+    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".atlas")]
     tables = [MECHANISM.table, MECHANISM.table.with_suffix(".json"), ROOT / "data" / "STUDIES.md"]
     files = [*library, *tables, ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}

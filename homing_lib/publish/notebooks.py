@@ -21,7 +21,8 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT, missing, whole, write_bytes
+from homing_lib.storage import ROOT, whole, write_bytes
+from homing_lib.study.runs import missing
 
 NOTEBOOKS = ROOT / "notebooks"
 PARAMETERS = ('profile = "full"', "figures_dir = None")

@@ -16,9 +16,10 @@ from homing_lib.atlas import COMPACT
 from homing_lib.publish import drawing
 from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import claims
 from homing_lib.study.measures import WINDOW
+from homing_lib.study.runs import missing
 from homing_lib.study.walk import EPISODES, STEP_SIZES
 from homing_lib.surfaces import Image, paint
 

@@ -27,8 +27,9 @@ from homing_lib.publish import figures, forests, plots, report, widgets
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
 from homing_lib.publish.page import PAGE, palette
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, missing, write_bytes
+from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import claims, errata
+from homing_lib.study.runs import missing
 
 SITE = ROOT / ".build" / "site"
 TEMPLATE = NOTEBOOKS / "site"

@@ -16,7 +16,7 @@ from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.measures import TRIAL_STEPS, Settled, fewest_steps, starts_everywhere
 from homing_lib.study.runs import Columns
-from homing_lib.td import beta
+from homing_lib.study.theorem import beta
 
 # --- Put down somewhere ----------------------------------------------------------------------------------------------
 

@@ -39,7 +39,7 @@ from homing_lib.errors import RESUMES, DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, missing, packed, read_arrays, read_bytes, write_bytes
+from homing_lib.storage import MARK, ROOT, packed, read_arrays, read_bytes, write_bytes
 from homing_lib.workers import begin_work
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
@@ -107,6 +107,14 @@ class Study:
             "measure": self.measured,
             "conditions": {label: settings.model_dump() for label, settings in self.conditions.items()},
         }
+
+
+def missing(path: Path, otherwise: str) -> UserError:
+    """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
+    if (ROOT / MARK).exists():
+        return UserError(f"{path}: {otherwise}")
+    where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
+    return UserError(f"{path}: missing, for {where}; clone it and work there")
 
 
 def seeds_of(seeds: Any) -> Sequence[int]:

@@ -1,0 +1,97 @@
+"""Rooms are described in a file, and a slip in it is one line that says where."""
+
+import os
+import shutil
+import subprocess
+import sys
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from homing_lib import rooms
+from homing_lib.errors import UserError
+from homing_lib.rooms import Ball, Box, Cone, Pose, Texture
+
+CLOSET = """
+[closet]
+size = [1, 2]
+home = [0.5, 1.5, 90]
+start = [0.5, 0.5, -180]
+floor = { rgb = [0.1, 0.2, 0.3] }
+walls.east = { rgb = [0.4, 0.5, 0.6], patches = 2 }
+objects = [
+  { name = "stool", x = 0.2, y = 0.3, radius = 0.1, height = 0.4, texture = { rgb = [1, 0, 0] } },
+  { name = "apple", x = 0.7, y = 0.8, radius = 0.1, texture = { rgb = [0, 1, 0] } },
+]
+
+[larder]
+like = "closet"
+texture_seed = 5
+objects = [{ name = "shelf", x = 0.5, y = 0.1, size = [0.3, 0.1, 0.2], texture = { rgb = [0, 0, 1] } }]
+
+[pantry]
+like = "larder"
+size = [2, 2]
+"""
+
+
+def described(text: str, folder: Path) -> dict[str, rooms.Room]:
+    file = folder / "rooms.toml"
+    file.write_text(text, encoding="utf-8")
+    return rooms._described(file)
+
+
+def test_a_room_is_what_its_entry_says_with_headings_in_degrees_and_what_it_does_not_say_is_the_default(tmp_path):
+    closet = described(CLOSET, tmp_path)["closet"]
+    assert (closet.name, closet.size, closet.texture_seed) == ("closet", (1, 2), 2014)
+    assert (closet.home, closet.start) == (Pose(0.5, 1.5, pi / 2), Pose(0.5, 0.5, -pi))
+    assert closet.walls == {"east": Texture((0.4, 0.5, 0.6), patches=2)}
+    stool = Cone("stool", 0.2, 0.3, radius=0.1, height=0.4, texture=Texture((1, 0, 0)))
+    assert closet.objects == (stool, Ball("apple", 0.7, 0.8, radius=0.1, texture=Texture((0, 1, 0))))
+
+
+def test_a_room_like_another_is_that_one_with_further_objects_and_other_values_and_so_on(tmp_path):
+    closet, larder, pantry = described(CLOSET, tmp_path).values()
+    shelf = Box("shelf", 0.5, 0.1, size=(0.3, 0.1, 0.2), texture=Texture((0, 0, 1)))
+    assert larder.objects == (*closet.objects, shelf)
+    assert (larder.size, larder.texture_seed, larder.home) == ((1, 2), 5, closet.home)
+    assert (pantry.objects, pantry.texture_seed, pantry.size) == (larder.objects, 5, (2, 2))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (
+            "radius = 0.1, height",
+            "radios = 0.1, height",
+            "room closet: objects.0.Box.radios: Unexpected keyword argument",
+        ),
+        ("[0.5, 0.5, -180]", "[0.5, 0.5]", "room closet: start: Value error, not enough values to unpack"),
+        ("[0.5, 0.5, -180]", "7", "room closet: cannot unpack non-iterable int object"),
+        ("patches = 2", "patches = 2.5", "room closet: walls.east.patches: Input should be a valid integer"),
+        ("size = [1, 2]", "size = [1, nan]", "room closet: size.1: Input should be a finite number"),
+        ('like = "closet"', 'like = "attic"', "room larder: like = 'attic': no room above has this name"),
+        ("[pantry]", "[pantry", "Expected ']'"),
+        ("[closet]", "closet = 3\n[other]", "room closet: argument of type 'int' is not iterable"),
+    ],
+)
+def test_a_slip_in_the_description_is_one_line_that_names_file_room_and_entry(before, after, told, tmp_path):
+    with pytest.raises(UserError) as refused:
+        described(CLOSET.replace(before, after, 1), tmp_path)
+    line = str(refused.value)
+    assert line.startswith(f"{tmp_path / 'rooms.toml'}: {told}")
+    assert line.endswith("; mend it, or restore it with git")
+    assert "\n" not in line
+
+
+def test_the_command_says_so_too_without_a_traceback(tmp_path):
+    house = Path(rooms.__file__).parent
+    shutil.copytree(house, tmp_path / "homing_lib", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "homing_lib" / "rooms.toml").write_text("[paper]\n", encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONSAFEPATH": "1"}
+    command = [sys.executable, "-m", "homing_lib", "settings"]
+    ended = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith(f"homing: {tmp_path / 'homing_lib' / 'rooms.toml'}: room paper: ")
+    assert len(ended.stderr.splitlines()) == 1
