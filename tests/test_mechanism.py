@@ -72,12 +72,30 @@ def test_stand_ins_are_drawn_from_the_pool_of_their_room_and_update_and_run_by_s
 # Step sizes
 
 
-def test_no_rule_learns_best_in_any_room_with_a_step_size_that_is_greater_than_the_three():
-    of = load_table(mechanism.CHOICE)
-    late = of.groupby("condition", observed=True).late.mean()
-    for name in {condition.split(" @ ")[0] for condition in mechanism.CHOICE.conditions}:
-        *three, too_great = (late[f"{name} @ {alpha:g}"] for alpha in (*STEP_SIZES, mechanism.TOO_GREAT))
-        assert too_great > min(three), name
+def names_of(study):
+    return sorted({condition.split(" @ ")[0] for condition in study.conditions})
+
+
+def test_no_rule_learns_best_in_any_room_with_a_step_size_that_is_greater_than_the_four():
+    late = load_table(mechanism.CHOICE).groupby("condition", observed=True).late.mean()
+    for name in names_of(mechanism.CHOICE):
+        *four, too_great = (late[f"{name} @ {alpha:g}"] for alpha in (*STEP_SIZES, mechanism.TOO_GREAT))
+        assert too_great > min(four), name
+
+
+def test_nor_with_a_smaller_one_and_where_that_comes_near_forty_more_seeds_say_so():
+    late = load_table(mechanism.CHOICE).groupby("condition", observed=True).late.mean()
+    near = []
+    for name in names_of(mechanism.CHOICE):
+        too_small, *four = (late[f"{name} @ {alpha:g}"] for alpha in (mechanism.TOO_SMALL, *STEP_SIZES))
+        if too_small < 4 / 3 * min(too_small, *four):
+            near.append(name)
+    assert tuple(near) == mechanism.DOUBTFUL
+    of = load_table(mechanism.LEAST).groupby("condition", observed=True)
+    typical = of.late.agg(lambda late: statistics.iqm(late.to_numpy()))
+    for name in names_of(mechanism.LEAST):
+        too_small, *others = (typical[f"{name} @ {alpha:g}"] for alpha in (mechanism.TOO_SMALL, *STEP_SIZES[:2]))
+        assert too_small > min(others), name
 
 
 # What is measured

@@ -69,7 +69,7 @@ def test_calibration_and_its_finalists_use_seeds_below_100_none_twice_and_what_i
     assert sorted(seeds) == list(range(100))
     searched = {study.name: max(study.seeds) for study in STUDIES if min(study.seeds) < 1000}
     assert set(searched) <= {
-        *("calibration", "finalists", "lambda-pool", "lambda-choice"),
+        *("calibration", "finalists", "lambda-pool", "lambda-choice", "lambda-choice-least"),
         "earlier-choice",
         "anywhere-search",
     }

@@ -2,12 +2,12 @@
 
 Form 2 is held against lambdas that lack one thing each: drawn from its own lambdas, they know nothing of the step
 (timing); a gate and the ratio upside down have its sign and not its size; an opposite gate and its absolute value have
-its size and not its sign. Each has the best of three step sizes (`claims.compare_at_best`).
+its size and not its sign. Each has the best of four step sizes (`claims.compare_at_best`).
 """
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,9 @@ _PAPER = Settings(images="atlas")
 _IN_ROOM = {room: _PAPER.with_changes(room=room, atlas_spacing_m=0.02 if room == "paper" else 0.03) for room in ROOMS}
 
 UPDATES = ("taken", "all")
-STEP_SIZES = (4e-4, 1.25e-3, 4e-3)
-"""With a greater one, `TOO_GREAT`, no rule learns best in any room (`CHOICE`)."""
-
-TOO_GREAT = 1.25e-2
+STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3)
+TOO_SMALL, TOO_GREAT = 4e-5, 1.25e-2
+"""With these no rule learns best in any room (`CHOICE`, `LEAST`)."""
 
 CORE = {
     "form 2": "fletcher-reeves",
@@ -62,6 +61,17 @@ FURTHER = {
     "fixed 0.9": "fixed:0.9",
     "fixed 0.95": "fixed:0.95",
 }
+
+
+def _conditions(
+    rules: dict[str, str], updates: Iterable[str], rooms: Iterable[str], step_sizes: Iterable[float] = STEP_SIZES
+) -> dict[str, Settings]:
+    return {
+        f"{room}, {label}, {update} @ {alpha:g}": _IN_ROOM[room].with_changes(
+            lambda_rule=rule, update=update, alpha0=alpha
+        )
+        for room, (label, rule), update, alpha in product(rooms, rules.items(), updates, step_sizes)
+    }
 
 
 # --- On seeds that nothing is judged by -------------------------------------------------------------------------------
@@ -103,15 +113,37 @@ POOL = study(
 
 CHOICE = study(
     "lambda-choice",
-    "Are three step sizes enough, or does a rule learn best, in some room, with a greater one?",
-    {
-        f"{room}, {label}, {update} @ {alpha:g}": settings.with_changes(lambda_rule=rule, update=update, alpha0=alpha)
-        for room, settings in _IN_ROOM.items()
-        for label, rule in CORE.items()
-        for update in UPDATES
-        for alpha in (*STEP_SIZES, TOO_GREAT)
-    },
+    "Are four step sizes enough, or does a rule learn best, in some room, with a smaller one or a greater?",
+    _conditions(CORE, UPDATES, ROOMS, (TOO_SMALL, *STEP_SIZES, TOO_GREAT)),
     range(4),
+    summary,
+)
+
+DOUBTFUL = (
+    "attic, fixed 0.25, taken",
+    "attic, inverse, taken",
+    "divided, absolute, all",
+    "divided, absolute, taken",
+    "divided, fixed 0.5, taken",
+    "divided, inverse, taken",
+    "paper, fixed 0, all",
+    "paper, fixed 0, taken",
+    "paper, fixed 0.25, all",
+    "paper, gate, all",
+    "paper, opposite gate, all",
+    "paper, opposite gate, taken",
+)
+"""Where the smaller one comes within a third of the best in `CHOICE`."""
+
+LEAST = study(
+    "lambda-choice-least",
+    "Where the smaller step size is nearly best, or best, on those four seeds: is it so on forty more?",
+    {
+        f"{name} @ {alpha:g}": CHOICE.conditions[f"{name} @ {alpha:g}"]
+        for name in DOUBTFUL
+        for alpha in (TOO_SMALL, *STEP_SIZES[:2])
+    },
+    range(4, 44),
     summary,
 )
 
@@ -173,22 +205,8 @@ def walk(settings: Settings, seed: int) -> Columns:
 
 # --- What is judged ---------------------------------------------------------------------------------------------------
 
-HUNDRED = range(2000, 2100)
-
-ELSEWHERE = range(3000, 3050)
-"""For the other rooms: what seeds from 2000 on say of them, with fewer step sizes, had been seen."""
-
-
-def _conditions(rules: dict[str, str], updates: Iterable[str], rooms: Iterable[str]) -> dict[str, Settings]:
-    return {
-        f"{room}, {label}, {update} @ {alpha:g}": _IN_ROOM[room].with_changes(
-            lambda_rule=rule, update=update, alpha0=alpha
-        )
-        for room in rooms
-        for label, rule in rules.items()
-        for update in updates
-        for alpha in STEP_SIZES
-    }
+HUNDRED = range(4000, 4100)
+"""What seeds from 2000 and 3000 on say, with fewer step sizes, had been seen."""
 
 
 class Drawn:
@@ -270,7 +288,7 @@ ROOMS_RULES = study(
     "mechanism-rooms",
     "The same in five other rooms, to which no setting was fitted, and with either update.",
     _conditions(CORE, UPDATES, _OTHERS),
-    ELSEWHERE,
+    HUNDRED[:50],
     summary,
 )
 
@@ -278,7 +296,7 @@ ROOMS_DRAWN = study(
     "mechanism-rooms-drawn",
     "In those rooms, lambdas drawn from what form 2 has there.",
     _conditions(_FORM_2, UPDATES, _OTHERS),
-    ELSEWHERE,
+    HUNDRED[:50],
     resampled,
 )
 
@@ -294,7 +312,7 @@ MECHANISM_ALL = study(
     "mechanism-all",
     "Form 2 and its rivals where every action's weights learn, as is standard.",
     _conditions(_RIVALS, ["all"], ["paper"]),
-    FRESH,
+    HUNDRED[:50],
     summary,
 )
 
@@ -302,7 +320,7 @@ ALL_DRAWN = study(
     "mechanism-all-drawn",
     "Lambdas drawn from those that form 2 has there.",
     _conditions(_FORM_2, ["all"], ["paper"]),
-    FRESH,
+    HUNDRED[:50],
     resampled,
 )
 
@@ -310,7 +328,7 @@ MECHANISM_FURTHER = study(
     "mechanism-further",
     "The other forms, the other signs, and the longer fixed traces.",
     _conditions(FURTHER, ["taken"], ["paper"]),
-    FRESH,
+    HUNDRED[:50],
     summary,
 )
 
