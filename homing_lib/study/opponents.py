@@ -1,5 +1,6 @@
 """What learning is worth: against robots that do not learn, and from anywhere; what stops it, and what it follows."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -241,12 +242,12 @@ def stops(views: Any, rule: str, threshold: float) -> tuple[float, float]:
     return float(begins.away_m.mean()), float(begins.turned_deg.abs().mean())
 
 
-def in_rooms(found: list[Any]) -> Verdict:
-    """Of comparisons, a room each: yes if all lie below 1, partly if some do; no if none does and one lies above."""
-    where = [one.side for one in found]
-    if "below" in where:
-        return "yes" if set(where) == {"below"} else "partly"
-    return "no" if "above" in where else "not shown"
+def in_rooms(where: Iterable[str], wanted: str = "below", otherwise: str = "above") -> Verdict:
+    """Of a word for each room: yes if all are as wanted, partly if some are; no if none is, and one is otherwise."""
+    sides = set(where)
+    if wanted in sides:
+        return "yes" if sides == {wanted} else "partly"
+    return "no" if otherwise in sides else "not shown"
 
 
 def _told(found: dict[str, Any]) -> str:
@@ -284,9 +285,9 @@ def equivalence(of: Any) -> Judged:
 @claim("C5", "the stopping rule is less sensitive to orientation", ORIENTATION)
 def orientation(of: Any) -> Judged:
     """At the same share of false alarms it fires over a wider range of headings at home than a rule on raw images and
-    one on three snapshots, in both rooms; partly: than the one on raw images; else not reproduced. A false alarm: a
-    stop more than {FAR_M:g} m from home, or turned by more than {TURNED_DEG:g} degrees. Thresholds are set anew in each
-    sample.
+    one on three snapshots, in both rooms; partly: than the one on raw images; not reproduced: not so, and over a
+    narrower range than that one in a room; else not shown. A false alarm: a stop more than {FAR_M:g} m from home, or
+    turned by more than {TURNED_DEG:g} degrees. Thresholds are set anew in each sample.
     """
     told, wider = [], {"three": [], "raw": []}  # type: ignore[var-annotated]
     for room in ORIENTATION.conditions:
@@ -305,10 +306,10 @@ def orientation(of: Any) -> Judged:
             + f"; wider than three snapshots by {wider['three'][-1]:+.0f} degrees, than raw images by "
             f"{wider['raw'][-1]:+.0f}"
         )
-    surely = {rule: all(one.low > 0 for one in found) for rule, found in wider.items()}
-    verdict: Verdict = (
-        "reproduced" if all(surely.values()) else "partly reproduced" if surely["raw"] else "not reproduced"
-    )
+    than = {rule: in_rooms((side(one, 0) for one in found), "above", "below") for rule, found in wider.items()}
+    verdict: Verdict = "not reproduced" if "below" in [side(one, 0) for one in wider["raw"]] else "not shown"
+    if than["raw"] == "yes":
+        verdict = "reproduced" if than["three"] == "yes" else "partly reproduced"
     return verdict, f"At the same share of false alarms, of a stop that is far or turned: {'. '.join(told)}."
 
 
@@ -346,7 +347,7 @@ def from_the_usual_start(of: Any, nearest: Any) -> Judged:
     least = ", ".join(f"{room} {shortest[room]:.0f}" for room in ROOMS)
     learnt = ", ".join(f"{room} {per_run(trials(of, f'{room}, after 20', usual=True)).mean():.0f}" for room in ROOMS)
     return (
-        in_rooms(list(found.values())),
+        in_rooms(one.side for one in found.values()),
         f"Steps of the climb's: {_told(found)}. Mean steps after learning: {learnt}; of the shortest way: {least}.",
     )
 
@@ -360,7 +361,9 @@ def from_everywhere(of: Any) -> Judged:
         for who in _WHO
     }
     told = "; ".join(f"{who} {shares}" for who, shares in home.items())
-    return in_rooms(list(found.values())), f"Steps of the climb's: {_told(found)}. Trials that reach home: {told}."
+    return in_rooms(
+        one.side for one in found.values()
+    ), f"Steps of the climb's: {_told(found)}. Trials that reach home: {told}."
 
 
 def _against_climb(of: Any, room: str, who: str = "after 20", share: float = 0.0, usual: bool = False) -> Comparison:
@@ -372,7 +375,7 @@ def _against_climb(of: Any, room: str, who: str = "after 20", share: float = 0.0
 def pays(of: Any) -> Judged:
     """From the usual start the steps of all episodes, added up and averaged over the robots, fall below the climb's
     within 20 episodes, in every room with the whole interval, and stay there to the 60th; partly: within 60, in some
-    room; else no.
+    room; no: in none, and in one not by then, with the whole interval; else not shown.
     """
     last = Settings(**_after(60)).episodes
     found = {
@@ -382,14 +385,16 @@ def pays(of: Any) -> Judged:
         }
         for start in ("room", "uniform")
     }
-    ends = [one.high for one in found["room"].values()]
+    paid = found["room"].values()
+    soon = max(one.high for one in paid) <= Settings().episodes
+    within = in_rooms(side(one, last + 0.5) for one in paid)
 
     def told(start: str) -> str:
         each = [f"{room} {one:.0f}" if one.value <= last else f"{room} never" for room, one in found[start].items()]
         return ", ".join(each)
 
     return (
-        "yes" if max(ends) <= Settings().episodes else "partly" if min(ends) <= last else "no",
+        "yes" if soon else "partly" if within == "yes" else within,
         f"The learner is ahead from episode (of {last}; {last + 1}: not by then): {told('room')}; where every episode "
         f"begins anywhere: {told('uniform')}.",
     )
@@ -398,19 +403,22 @@ def pays(of: Any) -> Judged:
 @claim("Q23", "can it learn to come home from anywhere?", OPPONENTS)
 def from_anywhere(of: Any) -> Judged:
     """The declared extension brings home at least 95 % of the trials from everywhere (the whole interval) and 80 % from
-    the worst place, in fewer steps than the climb, in each room (k = 3); partly: in some; else no.
+    the worst place, in fewer steps than the climb, in each room (k = 3); partly: in some; no: in none, and in one it
+    misses one of the three (the 95 % and the steps with the whole interval); else not shown.
     """
-    meets, told = [], []
+    where, told = [], []
     for room in ROOMS:
         ours = trials(of, f"{room}, extension", CLIMBING)
         home = interval(per_run(ours, "reached"), np.random.default_rng(0), family=len(ROOMS))
         worst = ours.groupby(["x", "y"]).reached.mean().min()
         steps = _against_climb(of, room, "extension", CLIMBING)
-        meets.append(home.low >= 0.95 and worst >= 0.8 and steps.side == "below")
+        met = home.low >= 0.95 and worst >= 0.8 and steps.side == "below"
+        missed = home.high < 0.95 or worst < 0.8 or steps.side == "above"
+        where.append("met" if met else "missed" if missed else "open")
         edge = knife_edge(home, margins=(0.95,)) + knife_edge(*steps)
         told.append(f"{room} {percent(home)} %, worst place {worst:.0%}, {steps:.2f} of the climb's steps{edge}")
     return (
-        "yes" if all(meets) else "partly" if any(meets) else "no",
+        in_rooms(where, "met", "missed"),
         f"Learnt {CHOSEN}, in 100 episodes, climbing in {CLIMBING:.0%} of the trial's steps: {'; '.join(told)}.",
     )
 
@@ -430,7 +438,7 @@ def learning_or_climbing(of: Any) -> Judged:
     }
     climb = {room: _against_climb(of, room, "after 20", CLIMBING) for room in ROOMS}
     return (
-        in_rooms(list(found.values())),
+        in_rooms(one.side for one in found.values()),
         f"Steps of those after the published training: {_told(found)}. Theirs, of the climb's: {_told(climb)}.",
     )
 
@@ -438,20 +446,19 @@ def learning_or_climbing(of: Any) -> Judged:
 @claim("Q25", "is it beside and behind home that the robot gets lost?", OPPONENTS)
 def beside_and_behind(of: Any) -> Judged:
     """After the published training fewer trials reach home from no farther back than home than from the rest of the
-    room, with the whole interval, in each room (k = 3); partly: in some; else no.
+    room, with the whole interval, in each room (k = 3); partly: in some; no: in none, and more in one; else not shown.
     """
     kinds = {"published": ("after 20", 0.0), "extension": ("extension", 0.0), "climbing": ("extension", CLIMBING)}
     gaps = {
         name: {room: _gap(trials(of, f"{room}, {who}", share), room) for room in ROOMS}
         for name, (who, share) in kinds.items()
     }
-    less = [side(one, 0) == "below" for one in gaps["published"].values()]
 
     def told(name: str) -> str:
         return ", ".join(f"{room} {percent(one, '+')}" for room, one in gaps[name].items())
 
     return (
-        "yes" if all(less) else "partly" if any(less) else "no",
+        in_rooms(side(one, 0) for one in gaps["published"].values()),
         f"The share that reaches home differs there, in percentage points, by {told('published')}. Of robots that "
         f"learnt {CHOSEN}, and so began there too, by {told('extension')}; and "
         f"where they climb in {CLIMBING:.0%} of the steps, by {told('climbing')}.",
@@ -468,7 +475,7 @@ def _gap(rows: Any, room: str) -> Interval:
 @claim("Q26", "is it the walls that hold a robot that gets lost?", LOST)
 def held_by_walls(of: Any) -> Judged:
     """Of the last hundred steps of lost robots more than half are spent at walls, with the whole interval, in each room
-    (k = 3); partly: in some; else no.
+    (k = 3); partly: in some; no: in none, and less than half in one; else not shown.
     """
     at_walls, told = {}, []
     for room in ROOMS:
@@ -480,8 +487,7 @@ def held_by_walls(of: Any) -> Judged:
             f"{room} {percent(at_walls[room])} %, within {100 * rows.spread_m.median():.0f} cm, "
             f"{beyond_home(ends, room).mean():.0%} of them beside or behind home"
         )
-    more = [side(one, 0.5) == "above" for one in at_walls.values()]
     return (
-        "yes" if all(more) else "partly" if any(more) else "no",
+        in_rooms((side(one, 0.5) for one in at_walls.values()), "above", "below"),
         f"Of their last hundred steps lost robots spend at walls: {'; '.join(told)}.",
     )
