@@ -212,3 +212,12 @@ def test_an_interrupt_while_the_command_is_loaded_leaves_no_traceback(moment):
         process.kill()
     assert process.returncode in (130, -signal.SIGINT)
     assert b"Traceback" not in errors
+
+
+def test_a_reader_that_has_had_enough_ends_the_command_without_a_word():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "homing_lib", "settings"]
+    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (141, "")

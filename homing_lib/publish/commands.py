@@ -19,6 +19,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = _parser().parse_args(arguments)
         options.command(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads, `head` for instance, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + 13  # as of those whom SIGPIPE ends
     except (UserError, OSError) as error:
         print(f"homing: {_one_line(error)}", file=sys.stderr)
         return 1
