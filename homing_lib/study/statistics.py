@@ -116,11 +116,12 @@ def ratio_at_best(
 
     ours, theirs: shapes (k, runs) and (l, runs), a row per choice, column i of both of the same seed. chosen_by: two
     further arrays of these shapes, whose least rows are chosen instead: who is best by one number is compared by
-    another. Whoever chooses
-    and judges by the same runs counts luck as merit, and the more so the more rows there are. Here every other run is
-    judged at the row that the rest would choose, and the other way round; each replicate resamples both halves and
-    chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100 studies of 50
-    runs; if the chosen rows were resampled by the runs that chose them, in 75.
+    another.
+
+    Whoever chooses and judges by the same runs counts luck as merit, and the more so the more rows there are. Here
+    every other run is judged at the row that the rest would choose, and the other way round; each replicate resamples
+    both halves and chooses anew. Where all of 3 and of 21 rows are alike, the interval holds 1 in more than 95 of 100
+    studies of 50 runs; if the chosen rows were resampled by the runs that chose them, in 75.
     """
     found = _at_best(ours, theirs, rng, statistic, RESAMPLES, chosen_by)
     return Interval(float(found[0]), *np.percentile(found[1:], (2.5 / family, 100 - 2.5 / family)))
