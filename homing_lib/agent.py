@@ -17,20 +17,11 @@ from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.settings import Settings
 
-STEP_COLUMNS = (
-    "x",  # m, of the pose reached
-    "y",  # m
-    "heading",  # rad
-    "action",  # driven and credited
-    "reward",
-    "similarity",  # NRB of the view from there
-    "delta",  # TD error
-    "lambda",
-    "clipped",  # whether lambda was
-    "change",  # Euclidean length of the weights' change
-    "at_wall",  # stopped, or turning away
-)
-"""What an episode records at every step."""
+_SEEN, _LEARNT = ("x", "y", "heading", "action", "reward", "similarity"), ("delta", "lambda", "clipped", "change")
+STEP_COLUMNS = (*_SEEN, *_LEARNT, "at_wall")
+"""What an episode records at every step: the pose reached (m, m, rad); the action driven, and credited; the reward; NRB
+of the view from there; the TD error; lambda, and whether it was clipped; the Euclidean length of the weights' change;
+whether the robot was stopped by a wall, or turning away from it."""
 
 
 class SarsaAgent:
@@ -58,7 +49,7 @@ class SarsaAgent:
         )
 
     def begin_episode(self, number: int) -> None:
-        """Set step size, epsilon and tau for episode 1, 2, ... (eq. 23) and clear the traces."""
+        """Set step size, epsilon and tau for episode 1, 2, ... (eq. 23; Fig. 2: after it) and clear the traces."""
         s = self.settings
         rate = decrease_rate(number, s.first_episode)
         self.learner.step_size = s.alpha0 * rate
@@ -103,7 +94,7 @@ class ClimbingAgent(RandomAgent):
 
     def begin_episode(self, number: int) -> None:
         """Forget the last view."""
-        self._action, self._similarity = 0, float("inf")
+        self._action, self._similarity = 0, float("inf")  # the first action is thus drawn from the two others
 
     def choose(self, phi: Array) -> int:
         """The last action if the view has come closer to the snapshot, else one of the two others."""

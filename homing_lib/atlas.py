@@ -14,7 +14,7 @@ import shutil
 import sys
 from contextlib import AbstractContextManager
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -207,16 +207,13 @@ def digest(room: Room, settings: Settings) -> str:
 
 
 def hashed(part: Any) -> str:
-    """Eight hexadecimal digits of a hash over all that is printed of something."""
+    """Eight hexadecimal digits of a hash over something's `repr`."""
     return hashlib.sha256(repr(part).encode()).hexdigest()[:8]
 
 
 @cache
 def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "none"
+    return next((one.version for one in distributions(name=package)), "none")
 
 
 def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:

@@ -62,15 +62,15 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     The pose follows the action's arc to its end, or to where the body touches something. A step that is stopped
     sets off the reactive behaviour (V.A): from the next step on, **whatever is commanded**, the robot turns in place by
-    `turn_deg` a step to one random side, until its four front infra-red sensors see at least `clear_way_m` free.
+    `turn_deg` per step to one random side, until its four front infra-red sensors see at least `clear_way_m` free.
     Such a turn counts as that side's action; `info` says which action was driven, and is to be credited.
 
     ## Reward
 
         r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
 
-    less `wall_penalty` in a step `at_wall` (V.A). `step_cost` and `approach_reward` change the first and drop the
-    second part; `reward_scale` multiplies the whole. Home itself pays `terminal_bonus`, by default nothing.
+    less `wall_penalty` `at_wall` (V.A); psi_lower (19) is from `multiplier` - `band`. `step_cost` changes the first,
+    `approach_reward` drops the second part; `reward_scale` multiplies the whole. Home pays `terminal_bonus`, unscaled.
 
     ## Starting state
 
@@ -82,7 +82,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     | flag         | when                                                                          |
     |--------------|-------------------------------------------------------------------------------|
-    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)); psi_lower: `band` less (19) |
+    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)) (19)                         |
     | `truncated`  | after `max_steps` steps without that                                          |
 
     ## Info
@@ -108,7 +108,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     ```
 
     `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
-    (histograms from a lattice of poses instead of the camera, thousands of times a second; features only) or "compact"
+    (histograms from a lattice of poses, tens of thousands of steps a second; features only) or "compact"
     (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
     `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8, 480
     pixels wide, with home, the path so far and the robot. `close()` frees the simulator.
@@ -140,9 +140,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if not isinstance(observation, str) or observation not in spaces:
             raise UserError(f"observation = {shown(observation)}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
-            raise UserError(
-                'observation = "image": an atlas has histograms only; choose "features", or images="camera"'
-            )
+            raise UserError('observation = "image": an atlas has histograms only; choose "features" or images="camera"')
         if not isinstance(render_mode, str | None) or render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
@@ -156,7 +154,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._under_way = self._closed = False
 
         self.world: World
-        self._arena: Any = None
+        self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
         self._seen: dict[int, tuple[Array, float]] = {}  # features and similarity, by lattice pose
         self._seen_by: HomeModel | None = None
@@ -273,7 +271,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return _SURVEYS[key]
 
     def _require_elsewhere(self, model: HomeModel) -> None:
-        """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Often one is enough."""
+        """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Mostly one tells."""
         rng = np.random.default_rng(0)
         views = (self.world.histogram(free_pose(self.world, self.room, rng)) for _ in range(100))
         if all(similarity(model.features(view)) >= self._psi_upper for view in views):

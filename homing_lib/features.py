@@ -1,7 +1,7 @@
 """Section III.A-C, eq. (8)-(15): what the robot makes of an image.
 
 An image becomes three histograms; their bins, compared with those of the snapshots of home, become radial basis
-features in (0, 1]; the mean of the features is the similarity NRB.
+features in [0, 1]; the mean of the features is the similarity NRB.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ def histogram(image: NDArray[np.uint8], bin_size: int) -> Array:
     sum to 1. (The paper sums to H over n features; H is the number of pixels of one channel.)
     """
     bins = bins_per_channel(bin_size)
-    # Bounds between intensities: on one, as at 49 of b = 49, rounding would decide.
+    # Bounds lie between intensities: on one, such as 49 where b = 49, rounding would decide its bin.
     bounds = [-0.5, bins * bin_size - 0.5]
     counts = [cv2.calcHist([image], [channel], None, [bins], bounds).ravel() for channel in range(3)]
     return np.concatenate(counts).astype(np.float64) / (image.shape[0] * image.shape[1])

@@ -1,6 +1,6 @@
 """Section III.I, eq. (20)-(23): a softmax and an epsilon-greedy policy, averaged, that explore less every episode.
 
-All functions take and return plain sequences with one float an action: with three actions that is faster than
+All functions take and return plain sequences with one float per action: with three actions that is faster than
 arrays, and as easy to read.
 """
 

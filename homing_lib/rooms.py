@@ -1,15 +1,17 @@
 """What a room is made of: what stands where, and how it looks. `rooms.toml` describes each, `arena.py` builds it."""
 
 import tomllib
+from collections import Counter
 from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, ConfigDict, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
 from homing_lib.errors import UserError, nearest, shown
 
+WALLS = "east", "north", "west", "south"
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -23,10 +25,10 @@ class Pose(NamedTuple):
 
 def _in_radians(told: Any) -> Any:
     """A pose as it is, or as a file tells it, with a heading in degrees."""
-    if isinstance(told, Pose):
-        return told
-    x, y, heading_deg = told
-    return Pose(x, y, radians(heading_deg))
+    try:
+        return told if isinstance(told, Pose) else Pose(told[0], told[1], radians(*told[2:]))
+    except (TypeError, LookupError):
+        raise ValueError("must be [x, y, heading in degrees]") from None
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -40,7 +42,7 @@ class Texture:
     rgb: tuple[float, float, float]
     contrast: float = 0.32
     grain: float = 0.15
-    patches: int = 4
+    patches: Annotated[int, Field(ge=1)] = 4
     picture: bool = False
 
 
@@ -55,7 +57,7 @@ class _Thing:
 
 @dataclass(frozen=True, config=_STRICT)
 class Box(_Thing):
-    """Upright, seen and touched from all sides. front: the face towards -x, where it differs (a television's)."""
+    """Upright. size: along x, along y, upwards. front: the face towards -x, where it differs (a television's)."""
 
     size: tuple[float, float, float]
     texture: Texture
@@ -81,7 +83,7 @@ class Ball(_Thing):
 
 @dataclass(frozen=True, config=_STRICT)
 class Picture:
-    """On a wall, flat: centre along the wall and above the floor, width and height, in metres."""
+    """On a wall, flat: its centre's x (north, south) or y (east, west) and height above the floor; width and height."""
 
     wall: Literal["east", "north", "west", "south"]
     along: float
@@ -94,7 +96,8 @@ class Picture:
 class Room:
     """A rectangle from (0, 0) to `size` with walls east (+x), north (+y), west and south, and what stands in it.
 
-    home: where the snapshot is taken; start: where training episodes begin, and no home_objects are in sight.
+    home: where the snapshot is taken; start: where training episodes begin, and none of the home_objects, by their
+    names, is in sight. texture_seed: of all that is painted.
     """
 
     name: str
@@ -109,17 +112,23 @@ class Room:
     wall_height: float = 0.75
     texture_seed: int = 2014
 
+    def __post_init__(self) -> None:
+        if {*self.walls} != {*WALLS}:
+            raise ValueError(f"walls: must be {', '.join(WALLS)}")
+        if unknown := {*self.home_objects} - {thing.name for thing in self.objects}:
+            raise ValueError(f"home_objects: no object has the name {unknown.pop()}")
+
 
 def _described(file: Path) -> dict[str, Room]:
     """The rooms of such a file, by name. Raises UserError, in one line, if it is not there or not right."""
-    rooms, where = {}, ""
+    rooms, where, entries = {}, "", dict[str, Any]()
     try:
-        entries: dict[str, Any] = tomllib.loads(file.read_text(encoding="utf-8"))
-        for name, entry in entries.items():
+        for name, entry in tomllib.loads(file.read_text(encoding="utf-8")).items():
             where = f"room {name}: "
             like = entries[entry.pop("like")] if "like" in entry else {}
+            walls = like.get("walls", {}) | entry.get("walls", {})
             objects = [*like.get("objects", ()), *entry.get("objects", ())]
-            entries[name] = {**like, **entry, "objects": objects}
+            entries[name] = {**like, **entry, "walls": walls, "objects": objects}
             rooms[name] = Room(name=name, **entries[name])
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         told = " ".join(_problem(error).split())[:300]
@@ -128,15 +137,16 @@ def _described(file: Path) -> dict[str, Room]:
 
 
 def _problem(error: Exception) -> str:
-    """What went wrong; of much that pydantic found, an unknown name, or the first."""
+    """What went wrong. A thing is a box, cone or ball: as what it has the fewest mistakes, an unknown name first."""
     if not isinstance(error, ValidationError):
         return f"like = {error}: no room above has this name" if isinstance(error, KeyError) else str(error)
-    first = min(error.errors(), key=lambda one: one["type"] != "unexpected_keyword_argument")
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    found = error.errors()
+    mistakes = Counter(one["loc"][:3] for one in found)
+    first = min(found, key=lambda one: (mistakes[one["loc"][:3]], one["type"] != "unexpected_keyword_argument"))
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg'].removeprefix('Value error, ')}".removeprefix(": ")
 
 
 ROOMS = _described(Path(__file__).with_suffix(".toml"))
-PAPER = ROOMS["paper"]
 
 
 def room_named(name: str) -> Room:
@@ -145,3 +155,6 @@ def room_named(name: str) -> Room:
         known = f"known are {', '.join(ROOMS)}{nearest(name, ROOMS)}"
         raise UserError(f"room {shown(name)}: there is none of this name; {known}")
     return ROOMS[name]
+
+
+PAPER = room_named("paper")

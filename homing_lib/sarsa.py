@@ -60,7 +60,7 @@ class LinearSarsa:
     Euclidean norm of the change of the weights; `steps`, the updates so far.
 
     The lambda rule sees phi(s, a) and the trace as vectors of actions * n components, so that TD-conj stays
-    equivalent to conjugate gradient. Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
+    equivalent to conjugate gradient if `update` is "all". Form 2 is the same either way: |phi(s, a)| = |phi(s)|.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class LinearSarsa:
         self._e: Array = np.zeros_like(self._theta)
         self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
-    def values(self, phi: ArrayLike | None, name: str = "phi") -> Array:
+    def values(self, phi: ArrayLike, name: str = "phi") -> Array:
         """Q(s, a) of every action, shape (actions,). phi: shape (n,); name: what a refusal calls it."""
         x = self._features(name, phi)
         return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
@@ -199,7 +199,7 @@ class LinearSarsa:
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
-        told = " ".join(repr(ratio)[:60].split())
+        told = " ".join(repr(ratio)[:60].split()) + isinstance(ratio, np.floating) * " (NumPy's numbers divide by 0)"
         raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {told}; {TAKES_AND_RETURNS}")
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
@@ -208,7 +208,7 @@ class LinearSarsa:
         return linear("phi_next", self._theta_of[a], self._features("phi_next", phi_next))
 
     def _changed_by(self, change: Array) -> None:
-        """Note a change just made to the weights, and see that they are finite still."""
+        """Note a change just made to the weights, and see that they are still finite."""
         self.steps += 1
         squares = dot(change, change)
         # A finite sum of squares bounds each change by 1e155, by which no finite weight can overflow.
@@ -253,7 +253,7 @@ class LinearQ(LinearSarsa):
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = self.values(phi_next, "phi_next")
+        values = self.values(phi_next, "phi_next")  # type: ignore[arg-type] # None is refused there
         self._cut = bool(values[self._action("next_action", next_action)] < values.max())
         return float(values.max())
 

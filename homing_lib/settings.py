@@ -1,7 +1,7 @@
 """Every number of the model in one place: frozen, validated, and each with its source.
 
-A field's description opens with the equation or table that gives it, or with "declared" and the reason where the
-paper is silent. `printed` in a field's extra is what the paper prints, where that differs or where Table I lists it.
+A field's description opens with the equation or table that gives it, or with "declared" where the paper is silent, and
+the reason where there is one. `printed` in a field's extra is what the paper prints, where it does.
 """
 
 import hashlib
@@ -25,16 +25,15 @@ _Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.parse(text)))]
 _Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
 
 
-def _field(default: Any, description: str, printed: str | None = None, scope: str = "", **others: Any) -> Any:
-    added = others.pop("added", False)
+def _field(default: Any, about: str, printed: Any = None, scope: str = "", added: bool = False, **bounds: Any) -> Any:
     extra: dict[str, Any] = {"printed": printed, "scope": scope, "added": added}
-    return Field(default, description=description, json_schema_extra=extra, **others)
+    return Field(default, description=about, json_schema_extra=extra, **bounds)
 
 
 _view = partial(_field, scope="view")  # what is seen, felt and touched at a pose depends on it
 _lattice = partial(_field, scope="lattice")  # where an atlas has its poses
 _survey = partial(_field, scope="survey")  # beyond these, what the robot knows of home before it learns
-_added = partial(_field, added=True)  # after runs had been stored: written where not the default, so they keep names
+_added = partial(_field, added=True)  # since runs were stored, which keep their names: left out where the default
 
 
 class Settings(BaseModel):
@@ -60,42 +59,42 @@ class Settings(BaseModel):
         ge=1e-9,
     )
     epsilon0: float = _field(0.3, "Table I, epsilon_0: initial exploration, a probability", "0.3 EP = 6", ge=0, le=1)
-    first_episode_share: float = _field(0.3, "Table I, eq. (23): ep_0 as a share of EP", "0.3 EP = 6", ge=0, le=1e9)
+    first_episode_share: float = _field(0.3, "Table I, ep_0: as a share of EP (eq. 23)", "0.3 EP = 6", ge=0, le=1e9)
     discount: float = _field(1.0, "Table I, gamma", "1", ge=0, le=1)
     snapshots: int = _survey(1, "Table I, m: views of home that the robot stores", "1", ge=1, le=3)
-    bin_size: int = _view(3, "Table I, b: intensities a histogram bin (eq. 14)", "3", ge=1, le=128)
+    bin_size: int = _view(3, "Table I, b: intensities per histogram bin (eq. 14)", "3", ge=1, le=128)
     multiplier: float = _field(12.0, "Eq. (19): that of psi_upper", "11 and 12: .904 and .908", ge=2, le=1e9)
 
     # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
-    lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: or any that `lambdas.parse` knows", "form 2")
+    lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: form 2; `lambdas.parse` knows others", "form 2")
     theta0: float = _field(1.0, "Fig. 2: initial value of every weight", "1")
     traces: Traces = _field("accumulating", "Eq. (17)", "accumulating")
     update: Update = _field("taken", "Eq. (18): weights of the taken action, or of all as is standard", "taken")
     bootstrap_terminal: bool = _field(True, "Fig. 2 has no terminal case: home is valued like any view", "True")
-    overwrite_features: bool = _field(False, "Fig. 2: before it keeps phi_t, so that phi_(t-1) = phi_t (E12)", "True")
+    overwrite_features: bool = _field(False, "Fig. 2 overwrites phi_t before keeping it: phi_(t-1) = phi_t", "True")
 
     # --- Exploration (section III.I) ------------------------------------------------------------------------------
     mixture: Mixture = _field(
         "epsilon-greedy", "Eq. (22); calibrated: eq. (21) alone; `normalised`: both components weigh alike", "literal"
     )
-    tau0: float = _field(0.03, "Eq. (20), declared: initial temperature; falls like epsilon", ge=1e-6, le=1e6)
+    tau0: float = _field(0.03, "Eq. (20), declared: initial tau; not for `epsilon-greedy`", ge=1e-6, le=1e6)
 
     # --- Reward (section III.E, V.A) -------------------------------------------------------------------------------
-    step_cost: Literal["1/t", "constant"] = _field("1/t", "Eq. (16): of step t, or the mean of 100 steps", "1/t")
+    step_cost: Literal["1/t", "constant"] = _field("1/t", "Eq. (16): 1/t; `constant`: its mean over t = 1..100", "1/t")
     approach_reward: bool = _field(True, "Eq. (16): 2 NRB_t - NRB_(t-1) while both reach psi_lower", "True")
-    wall_penalty: float = _field(0.1, "V.A, declared, calibrated: a step at a wall; the paper: high", ge=0, le=1e6)
+    wall_penalty: float = _field(0.1, "V.A, declared, calibrated: per step at a wall; printed: high", ge=0, le=1e6)
     learn_at_walls: bool = _field(True, "V.A: learning goes on during the reactive behaviour", "True")
-    reward_scale: float = _added(1.0, "Declared: factor of the whole reward, penalty included", ge=-1e6, le=1e6)
-    terminal_bonus: float = _added(0.0, "Declared: paid on reaching home; the paper pays none", ge=-1e6, le=1e6)
+    reward_scale: float = _added(1.0, "Declared: factor of reward and penalty, not of the bonus", ge=-1e6, le=1e6)
+    terminal_bonus: float = _added(0.0, "Declared: paid on reaching home, unscaled; printed: none", ge=-1e6, le=1e6)
     band: float = _added(1.0, "Section III.H: the multiplier of psi_upper less that of psi_lower", gt=0)
 
     # --- Features (section III.B) ------------------------------------------------------------------------------------
     variance: Variance = _survey(
-        "pooled", "Eq. (12), calibrated: one for all bins; one a bin (eq. 8) makes home smaller than a step", "both"
+        "pooled", "Eq. (12), calibrated: one for all bins; one per bin (eq. 8) makes home smaller than a step", "both"
     )
     centre: Centre = _survey("mean", "Eq. (9), declared: about the mean; `zero` is as printed", "zero")
     survey_steps: int = _survey(2000, "Eq. (9), T, declared: random steps that estimate sigma^2", ge=2, le=100_000)
-    variance_floor_pixels: float = _survey(1.0, "Declared: least sigma, for a bin that never varies", ge=1e-3, le=1e6)
+    variance_floor_pixels: float = _survey(1.0, "Declared: least sigma, in pixels: no bin is lost", ge=1e-3, le=1e6)
     snapshot_angle_deg: float = _survey(20.0, "Declared: from the first snapshot to two further ones", ge=1, le=90)
 
     # --- Camera ---------------------------------------------------------------------------------------------------
@@ -112,14 +111,16 @@ class Settings(BaseModel):
     turn_deg: float = _survey(20.0, "Declared, calibrated: rotation of one left or right action", ge=1, le=90)
     turn_advance_m: float = _survey(0.030, "Declared, calibrated: the centre's way in such an action", ge=0, le=0.2)
     infrared_range_m: float = _view(0.050, "Declared: Khepera II", ge=0.001, le=0.5)
-    clear_way_m: float = _survey(0.045, "Declared: the reactive turn ends when all front sensors see so far", ge=0)
+    clear_way_m: float = _survey(0.045, "Declared: the reactive turn ends when all front sensors see this far", ge=0)
     wheel_slip: float = _survey(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
 
     # --- Experiment ------------------------------------------------------------------------------------------------
     room: _Room = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
     start: Literal["room", "uniform"] = _added("room", "Section IV: the room's; or drawn anew from all free poses")
     controller: Literal["sarsa", "random", "climb"] = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
-    images: Literal["camera", "atlas", "compact"] = _survey("camera", "Declared: rendered, or looked up on a lattice")
+    images: Literal["camera", "atlas", "compact"] = _survey(
+        "camera", "Declared: rendered at every step, looked up on a lattice, or on the coarser one that comes along"
+    )
     atlas_spacing_m: float = _lattice(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
     atlas_heading_deg: int = _lattice(10, "Declared: between neighbouring headings of it, a divisor of 360", ge=1)
     max_steps: int = _field(2000, "Declared: a longer episode is cut, and counted as truncated", ge=1, le=1_000_000)

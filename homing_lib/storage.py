@@ -33,7 +33,7 @@ def packed(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A place of the same suffix that is renamed to `path`, or to what that links to, in the end. Raises UserError."""
+    """A path of the same suffix, renamed at the end to `path`, or to what that links to. Raises UserError."""
     part = None
     try:
         place = Path(os.path.realpath(path)) if path.is_symlink() else path

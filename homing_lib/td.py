@@ -3,9 +3,9 @@
     LinearTD        TD(lambda), accumulating traces, any lambda rule
     TrueOnlineTD    true online TD(lambda), which equals the online forward view at every step
 
-Both are the update of `sarsa.LinearSarsa` with one action. Under the lambda of eq. (7) the first is conjugate gradient:
-the paper's central theorem, which `study.theorem` tries. A step is `update(phi, reward, phi_next)`: phi_t, r_{t+1},
-phi_{t+1}.
+Both are the update of `sarsa.LinearSarsa` with one action. Under the lambda of eq. (7), unclipped, the first is
+conjugate gradient: the theorem on which the paper builds, tested by `study.theorem`. A step is
+`update(phi, reward, phi_next)`: phi_t, r_{t+1}, phi_{t+1}.
 """
 
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from homing_lib.lambdas import Array
-from homing_lib.sarsa import Diverged as Diverged
 from homing_lib.sarsa import LinearSarsa, linear
 
 

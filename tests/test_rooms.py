@@ -20,6 +20,10 @@ home = [0.5, 1.5, 90]
 start = [0.5, 0.5, -180]
 floor = { rgb = [0.1, 0.2, 0.3] }
 walls.east = { rgb = [0.4, 0.5, 0.6], patches = 2 }
+walls.north = { rgb = [0.4, 0.5, 0.6] }
+walls.west = { rgb = [0.4, 0.5, 0.6] }
+walls.south = { rgb = [0.4, 0.5, 0.6] }
+home_objects = ["apple"]
 objects = [
   { name = "stool", x = 0.2, y = 0.3, radius = 0.1, height = 0.4, texture = { rgb = [1, 0, 0] } },
   { name = "apple", x = 0.7, y = 0.8, radius = 0.1, texture = { rgb = [0, 1, 0] } },
@@ -33,6 +37,7 @@ objects = [{ name = "shelf", x = 0.5, y = 0.1, size = [0.3, 0.1, 0.2], texture =
 [pantry]
 like = "larder"
 size = [2, 2]
+walls.north = { rgb = [0.9, 0.9, 0.9] }
 """
 
 
@@ -46,7 +51,7 @@ def test_a_room_is_what_its_entry_says_with_headings_in_degrees_and_what_it_does
     closet = described(CLOSET, tmp_path)["closet"]
     assert (closet.name, closet.size, closet.texture_seed) == ("closet", (1, 2), 2014)
     assert (closet.home, closet.start) == (Pose(0.5, 1.5, pi / 2), Pose(0.5, 0.5, -pi))
-    assert closet.walls == {"east": Texture((0.4, 0.5, 0.6), patches=2)}
+    assert closet.walls["east"] == Texture((0.4, 0.5, 0.6), patches=2)
     stool = Cone("stool", 0.2, 0.3, radius=0.1, height=0.4, texture=Texture((1, 0, 0)))
     assert closet.objects == (stool, Ball("apple", 0.7, 0.8, radius=0.1, texture=Texture((0, 1, 0))))
 
@@ -57,21 +62,25 @@ def test_a_room_like_another_is_that_one_with_further_objects_and_other_values_a
     assert larder.objects == (*closet.objects, shelf)
     assert (larder.size, larder.texture_seed, larder.home) == ((1, 2), 5, closet.home)
     assert (pantry.objects, pantry.texture_seed, pantry.size) == (larder.objects, 5, (2, 2))
+    assert pantry.walls == closet.walls | {"north": Texture((0.9, 0.9, 0.9))}
 
 
 @pytest.mark.parametrize(
     ("before", "after", "told"),
     [
-        (
-            "radius = 0.1, height",
-            "radios = 0.1, height",
-            "room closet: objects.0.Box.radios: Unexpected keyword argument",
-        ),
-        ("[0.5, 0.5, -180]", "[0.5, 0.5]", "room closet: start: Value error, not enough values to unpack"),
-        ("[0.5, 0.5, -180]", "7", "room closet: cannot unpack non-iterable int object"),
-        ("patches = 2", "patches = 2.5", "room closet: walls.east.patches: Input should be a valid integer"),
+        ("radius = 0.1, height", "radios = 0.1, height", "room closet: objects.0.Cone.radios: Unexpected keyword"),
+        ("height = 0.4", "heigth = 0.4", "room closet: objects.0.Ball.heigth: Unexpected keyword"),
+        ('name = "stool", x = 0.2', 'name = "stool", x = "left"', "room closet: objects.0.Cone.x: Input should be a"),
+        ("[0.5, 0.5, -180]", "[0.5, 0.5]", "room closet: start: must be [x, y, heading in degrees]"),
+        ("[0.5, 0.5, -180]", '[0.5, 0.5, "north"]', "room closet: start: must be [x, y, heading in degrees]"),
+        ("[0.5, 0.5, -180]", "7", "room closet: start: must be [x, y, heading in degrees]"),
+        ("patches = 2", "patches = 0", "room closet: walls.east.patches: Input should be greater than or equal to 1"),
+        ("walls.north", "walls.nord", "room closet: walls: must be east, north, west, south"),
+        ('= ["apple"]', '= ["appel"]', "room closet: home_objects: no object has the name appel"),
         ("size = [1, 2]", "size = [1, nan]", "room closet: size.1: Input should be a finite number"),
         ('like = "closet"', 'like = "attic"', "room larder: like = 'attic': no room above has this name"),
+        ('like = "closet"', 'like = "pantry"', "room larder: like = 'pantry': no room above has this name"),
+        ('like = "closet"', 'like = "larder"', "room larder: like = 'larder': no room above has this name"),
         ("[pantry]", "[pantry", "Expected ']'"),
         ("[closet]", "closet = 3\n[other]", "room closet: argument of type 'int' is not iterable"),
     ],

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from homing_lib.lambdas import Fixed, parse
-from homing_lib.sarsa import LinearQ, LinearSarsa
-from homing_lib.td import Diverged, LinearTD, TrueOnlineTD
+from homing_lib.sarsa import Diverged, LinearQ, LinearSarsa
+from homing_lib.td import LinearTD, TrueOnlineTD
 
 RULES = ("fixed:0.7", "hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, parse
+from homing_lib.sarsa import Diverged
 from homing_lib.study.theorem import ConjugateTD, beta
-from homing_lib.td import Diverged, LinearTD, TrueOnlineTD
+from homing_lib.td import LinearTD, TrueOnlineTD
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 LEARNERS = (LinearTD, TrueOnlineTD)

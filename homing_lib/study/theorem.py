@@ -1,4 +1,4 @@
-"""The theorem behind eq. (7), tried: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
+"""The theorem behind eq. (7), tested: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
 
 ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
 parting         how far the two are apart, step by step
@@ -21,7 +21,8 @@ Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
 
 
 class ConjugateTD(LinearTD):
-    """TD-conj as conjugate gradient: g_t = delta_t phi_t is the descent direction of the squared TD error, and
+    """TD-conj as conjugate gradient: g_t = delta_t phi_t is the descent direction of half the squared TD error with its
+    target held fixed (the semi-gradient), and
 
         p_t = g_t + beta_t p_{t-1}
         theta_{t+1} = theta_t + alpha p_t
@@ -93,7 +94,7 @@ class Parting(NamedTuple):
 
 
 def parting(phi: Array, reward: Array, form: Form = "fletcher-reeves", discount: float = 0.9) -> Parting:
-    """Of both, on the same features, shape (steps + 1, n), and rewards, shape (steps,), from weights of 0."""
+    """Run both on the same features, shape (steps + 1, n), and rewards, shape (steps,), from weights of 0."""
     setting: dict[str, Any] = {"step_size": 1e-4, "discount": discount}
     conjugate = ConjugateTD(phi.shape[1], form=form, **setting)
     free, reset = (LinearTD(phi.shape[1], lambda_rule=RULES[form], clip=clip, **setting) for clip in (False, True))
