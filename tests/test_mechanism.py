@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
-from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
 from homing_lib.study import mechanism, statistics
 from homing_lib.study.claims import Comparison
-from homing_lib.study.mechanism import STAND_INS, STEP_SIZES, Drawn
+from homing_lib.study.mechanism import ROOMS, STAND_INS, STEP_SIZES, Drawn
 from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
 
@@ -76,26 +75,33 @@ def names_of(study):
     return sorted({condition.split(" @ ")[0] for condition in study.conditions})
 
 
-def test_no_rule_learns_best_in_any_room_with_a_step_size_that_is_greater_than_the_four():
-    late = load_table(mechanism.CHOICE).groupby("condition", observed=True).late.mean()
+def by_size(table, name, column="late", statistic=np.mean):
+    """That of the runs with a step size that is too small, with the four, and with one that is too great."""
+    of = table[table.condition.astype(str).str.startswith(f"{name} @ ")].groupby("condition", observed=True)[column]
+    found = {float(condition.split(" @ ")[1]): statistic(values.to_numpy()) for condition, values in of}
+    return found.get(mechanism.TOO_SMALL), [found[alpha] for alpha in STEP_SIZES], found.get(mechanism.TOO_GREAT)
+
+
+@pytest.mark.parametrize("column", ["late", "total"])
+def test_no_rule_learns_best_in_any_room_with_a_step_size_that_is_greater_than_the_four(column):
+    table = load_table(mechanism.CHOICE)
     for name in names_of(mechanism.CHOICE):
-        *four, too_great = (late[f"{name} @ {alpha:g}"] for alpha in (*STEP_SIZES, mechanism.TOO_GREAT))
+        _, four, too_great = by_size(table, name, column)
         assert too_great > min(four), name
 
 
 def test_nor_with_a_smaller_one_and_where_that_comes_near_forty_more_seeds_say_so():
-    late = load_table(mechanism.CHOICE).groupby("condition", observed=True).late.mean()
-    near = []
+    table, near = load_table(mechanism.CHOICE), []
     for name in names_of(mechanism.CHOICE):
-        too_small, *four = (late[f"{name} @ {alpha:g}"] for alpha in (mechanism.TOO_SMALL, *STEP_SIZES))
+        too_small, four, _ = by_size(table, name)
         if too_small < 4 / 3 * min(too_small, *four):
             near.append(name)
+        assert by_size(table, name, "total")[0] > min(by_size(table, name, "total")[1]), name
     assert tuple(near) == mechanism.DOUBTFUL
-    of = load_table(mechanism.LEAST).groupby("condition", observed=True)
-    typical = of.late.agg(lambda late: statistics.iqm(late.to_numpy()))
-    for name in names_of(mechanism.LEAST):
-        too_small, *others = (typical[f"{name} @ {alpha:g}"] for alpha in (mechanism.TOO_SMALL, *STEP_SIZES[:2]))
-        assert too_small > min(others), name
+    for name in mechanism.DOUBTFUL:
+        for statistic in (np.mean, statistics.iqm):
+            too_small, four, _ = by_size(load_table(mechanism.LEAST), name, "late", statistic)
+            assert too_small > min(four), (name, statistic)
 
 
 # What is measured

@@ -125,6 +125,14 @@ def test_the_text_tells_what_was_found_by_the_verdict():
     for question, texts in answers.FOUND.items():
         assert claims.judge(question).verdict in texts
         assert len(set(texts.values())) == len(texts) > 1
+        predicate = claims.CLAIMS[question].predicate.lower()
+        assert texts.keys() >= {"yes", "not shown"} | {word for word in ("partly", "no") if f" {word}:" in predicate}
+
+
+def test_the_result_has_words_for_every_verdict():
+    every = {"yes", "partly", "no", "not shown"}
+    assert answers._AHEAD.keys() == answers._PAYS.keys() == every
+    assert answers._BETTER.keys() == every - {"partly"}  # of one comparison
 
 
 def test_the_abstract_tells_the_result_without_its_numbers():

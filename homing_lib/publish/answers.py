@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from homing_lib.rooms import ROOMS
 from homing_lib.study import mechanism, opponents
 from homing_lib.study.claims import Comparison, Verdict, compare, judge
 from homing_lib.study.probes import CLIMBING
-from homing_lib.study.runs import episodes_of, load_table
+from homing_lib.study.runs import load_table
 
 _PAPER = "paper"
 
@@ -35,8 +34,8 @@ def varying_lambda(*, numbers: bool = True) -> str:
     return (
         f"{better} ({best:.2f} of its late steps), and of what makes it vary {matters(aspects)}: it takes "
         f"{drawn:.2f} of the steps with λ drawn at random from its own (better in {in_rooms.count('better')} of "
-        f"{len(ROOMS)} rooms, worse in {in_rooms.count('worse')}), {gate:.2f} of those of a gate with its sign alone, "
-        f"and {opposite:.2f} of those of the opposite gate."
+        f"{len(in_rooms)} rooms, worse in {in_rooms.count('worse')}), {gate:.2f} of those of a gate with its sign "
+        f"alone, and {opposite:.2f} of those of the opposite gate."
     )
 
 
@@ -45,7 +44,7 @@ def sign_elsewhere() -> str:
     """In which rooms is form 2 better than the opposite gate? Judged as Q7 judges the i.i.d. draws."""
     names = mechanism.MECHANISM, mechanism.MECHANISM_DRAWN, mechanism.ROOMS_RULES, mechanism.ROOMS_DRAWN
     found = mechanism.by_room("opposite gate", *map(load_table, names))
-    return f"{[one.word for one in found.values()].count('better')} of {len(ROOMS)} rooms"
+    return f"{[one.word for one in found.values()].count('better')} of {len(found)} rooms"
 
 
 @cache
@@ -53,9 +52,12 @@ def worth(*, numbers: bool = True) -> str:
     """Is the robot that has learnt ahead of a climb up the similarity, and from which episode on? Q20-Q22."""
     of, all_episodes = load_table(opponents.OPPONENTS), load_table(opponents.WORTH)
     usual, anywhere = (against_the_climb(of, usual=usual) for usual in (True, False))
-    ours, theirs = (episodes_of(all_episodes, f"{_PAPER}, {who}, room") for who in ("sarsa", "climb"))
-    since, last = opponents.paid_back(ours, theirs).value, ours.shape[1]
+    paid, last = opponents.paid_in_rooms(all_episodes, "room"), opponents.EPISODES
+    since = paid[_PAPER].value
     ahead = f"ahead from episode {since:.0f}" if since <= last else f"not ahead by episode {last}"
+    pays = _PAYS[judge("Q22").verdict].format(
+        last=last, paid=sum(one.high <= last for one in paid.values()), rooms=len(paid)
+    )
     steps, when = "", ""
     if numbers:
         steps = (
@@ -66,7 +68,7 @@ def worth(*, numbers: bool = True) -> str:
     return (
         "Against a walk up the similarity, which learns nothing, the robot that has learnt is "
         f"{_AHEAD[judge('Q20').verdict]} from the usual start and {_AHEAD[judge('Q21').verdict]} from everywhere"
-        f"{steps}; all episodes counted, learning {_PAYS[judge('Q22').verdict].format(last=last)}{when}."
+        f"{steps}; all episodes counted, learning {pays}{when}."
     )
 
 
@@ -78,17 +80,19 @@ _AHEAD: dict[Verdict, str] = {
     "not shown": "not shown to be ahead",
 }
 _PAYS: dict[Verdict, str] = {
-    "yes": "pays for itself in every room",
-    "partly": "pays for itself within {last} episodes, though not everywhere within the paper's twenty",
-    "no": "does not pay for itself",
+    "yes": "pays for itself within the paper's twenty in every room",
+    "partly": "pays for itself within {last} episodes in {paid} of {rooms} rooms, though not in all of them within the "
+    "paper's twenty, as far as is shown",
+    "no": "does not pay for itself within {last} episodes",
+    "not shown": "is not shown to pay for itself within {last} episodes",
 }
 
 
 FOUND: dict[str, dict[Verdict, str]] = {
     "Q5": {
         "yes": "It is fast: over all twenty episodes form 2 takes fewer steps than the best fixed λ, and than fixed 0.",
-        "partly": "It is fast in part: over all twenty episodes form 2 takes fewer steps than the best fixed λ or than "
-        "fixed 0, not than both.",
+        "partly": "It is fast in part: over all twenty episodes form 2 is shown to take fewer steps than one of the "
+        "two, the best fixed λ and fixed 0.",
         "no": "It is not fast: over all twenty episodes form 2 takes no fewer steps than the best fixed λ, nor than "
         "fixed 0.",
         "not shown": "The runs do not show whether it is fast: whether over all twenty episodes form 2 takes fewer "
@@ -114,7 +118,8 @@ FOUND: dict[str, dict[Verdict, str]] = {
     },
     "Q10": {
         "yes": "The reward matters: at zero, negated or constant, it changes the late steps.",
-        "partly": "The reward matters in part: of zero, negated and constant ones, not all change the late steps.",
+        "partly": "The reward matters in part: of zero, negated and constant ones, some change the late steps; of the "
+        "others that is not shown.",
         "no": "The reward does not matter: at zero, negated or constant, it leaves the late steps comparable.",
         "not shown": "The runs do not show whether the reward matters: of zero, negated and constant ones, none is "
         "shown to change the late steps, nor are all shown to leave them comparable.",
@@ -129,8 +134,8 @@ FOUND: dict[str, dict[Verdict, str]] = {
     },
     "Q12": {
         "yes": "The robot loiters in the band between the thresholds, where it is paid for being.",
-        "partly": "The robot loiters in the band between the thresholds, where it is paid for being, only if the band "
-        "is wider than printed.",
+        "partly": "The robot loiters in the band between the thresholds, where it is paid for being, if the band is "
+        "wider than printed; if it is as printed, that is not shown.",
         "no": "The robot does not loiter in the band between the thresholds, though it is paid for being there.",
         "not shown": "The runs do not show whether the robot loiters in the band between the thresholds, where it is "
         "paid for being.",
@@ -145,14 +150,14 @@ FOUND: dict[str, dict[Verdict, str]] = {
     },
     "Q14": {
         "yes": "It learns, at each printed alpha_0 and at either temperature.",
-        "partly": "It learns at some of the printed alpha_0 and temperatures, not at all of them.",
+        "partly": "It learns at some of the printed alpha_0 and temperatures; at the others that is not shown.",
         "no": "It does not learn, whichever printed alpha_0 and temperature it has.",
         "not shown": "It is not shown to learn, whichever printed alpha_0 and temperature it has; nor is it shown not "
         "to.",
     },
     "Q23": {
         "yes": "That is reached in every room.",
-        "partly": "That is reached in some of the rooms, not in all.",
+        "partly": "That is reached in some of the rooms, and not shown to be in the others.",
         "no": "That is not reached.",
         "not shown": "That is not shown to be reached in any room.",
     },

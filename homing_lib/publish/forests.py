@@ -89,14 +89,15 @@ def forest(*columns: Column, ylabel: str = "", height: float = 0.19, shared: boo
 
 @styled
 def first_to_last(
-    panels: Mapping[str, Mapping[str, tuple[Array, Array]]], level: tuple[str, float] | None = None
+    panels: Mapping[str, Mapping[str, tuple[Array, Array]]], level: tuple[str, float] | None = None, family: int = 0
 ) -> Figure:
     """Steps of the first episodes (a ring) and of the last (a mark: are they fewer?), rows in panels side by side.
 
     panels: by title and row, the steps of the first and of the last WINDOW episodes, one number per run each; drawn is
-    the IQM. The verdict is `compare`'s for as many comparisons as there are rows. level: a line, and what it is.
+    the IQM. The verdict is `compare`'s for a family of as many comparisons, by default as there are rows. level: a
+    line, and what it is.
     """
-    most, family = max(map(len, panels.values())), sum(map(len, panels.values()))
+    most, family = max(map(len, panels.values())), family or sum(map(len, panels.values()))
     alike = len({tuple(rows) for rows in panels.values()}) == 1
     size = TEXT_WIDTH, 0.95 + 0.21 * most
     figure, (grid,) = plt.subplots(1, len(panels), sharex=True, sharey=alike, squeeze=False, figsize=size)

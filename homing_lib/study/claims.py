@@ -46,8 +46,9 @@ Verdict = Literal[
 """Of a claim, the first five; of a question "yes", "partly", "no" or "not shown"."""
 
 HOW = f"""**How it is judged.** Late steps, or those of the last episodes, are a run's mean of its last {WINDOW}, those
-of the first episodes of its first {WINDOW}; an episode that a diverged run did not reach counts as the step cap. They
-are compared twice, as the ratio of interquartile means (IQM: of n runs, n / 4, rounded down, are left out at each end)
+of the first episodes of its first {WINDOW}; an episode that a diverged run did not reach counts as the step cap, and a
+trial of such a run as one that does not come home. A share is each robot's own, averaged over robots. What is compared
+is compared twice, as the ratio of interquartile means (IQM: of n runs, n / 4, rounded down, are left out at each end)
 and as that of means. Better or worse: the intervals of both lie on that side of 1; else comparable: both lie between
 1/{MARGIN:g} and {MARGIN:g}; else open. Intervals are 95 % percentile intervals of {RESAMPLES} bootstrap samples
 ({FEWER_RESAMPLES} for episodes, degrees, straight lines and pooled ratios), in which a seed brings all of its runs.
@@ -56,9 +57,10 @@ not widened. What must exceed a bound, or fall short of it, must do so with its 
 size or a fixed λ chooses by halves: the runs at the even and at the odd places of the list of seeds. The choice with
 the fewest steps in one half (by the IQM or by the mean, as it is judged) is judged in the other, both ways, and the two
 are put together; each bootstrap sample draws anew within the halves, and chooses anew. A claim is reproduced if its
-strong sense holds, partly if the weak one alone does, not reproduced if the weak one does not hold, and not shown if
-that is open. Whether form 2 is better than several others: yes, than each; partly, than some; no, than none, and
-comparable or worse each time; not shown, if none of these. Where a predicate has a rule of its own, that one counts."""
+weak and its strong sense hold, partly if the weak one does and the strong one does not or is open, not reproduced if
+the weak one does not hold, and not shown if that is open. Whether form 2 is better than several others: yes, than each;
+partly, than some; no, than none, and comparable or worse each time; not shown, if none of these. Where a predicate has
+a rule of its own, that one counts."""
 
 Judged = tuple[Verdict, str]
 """What a judge returns: the verdict, and the effect in words."""
@@ -216,9 +218,9 @@ def success(trials: Any) -> Interval:
 
 
 def at_walls(of: Any, condition: str) -> Array:
-    """Per cent of the steps spent at walls, one number per run."""
-    steps, share = episodes_of(of, condition), np.nan_to_num(episodes_of(of, condition, "at_wall"))
-    return 100 * (share * steps).sum(axis=1) / steps.sum(axis=1)
+    """Per cent of the steps spent at walls, one number per run: of the episodes that it made."""
+    steps, share = episodes_of(of, condition), episodes_of(of, condition, "at_wall")
+    return 100 * np.nansum(share * steps, axis=1) / (steps * ~np.isnan(share)).sum(axis=1)
 
 
 def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
@@ -231,9 +233,9 @@ def change_by_episode(of: Any, settings: Settings) -> dict[str, Array]:
     }
 
 
-def interval_of(values: Array) -> Interval:
-    """The mean of numbers, one per run."""
-    return interval(values, np.random.default_rng(0))
+def interval_of(values: Array, family: int = 1) -> Interval:
+    """The mean of numbers, one per run; family: how many comparisons their question makes."""
+    return interval(values, np.random.default_rng(0), family=family)
 
 
 def percent(share: Interval, sign: str = "") -> str:

@@ -17,7 +17,7 @@ from homing_lib.agent import Agent, Run, run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array, similarity
 from homing_lib.lambdas import Fixed, LambdaRule
-from homing_lib.rooms import ROOMS, room_named
+from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best
 from homing_lib.study.measures import WINDOW, summary, summary_table
@@ -28,13 +28,15 @@ from homing_lib.study.walk import EPISODES, learning
 from homing_lib.study.walk import STEP_SIZES as WALK_STEP_SIZES
 from homing_lib.thresholds import stopping_thresholds
 
+ROOMS = ("paper", "divided", "attic", "hall", "cell", "workshop")
+
 _PAPER = Settings(images="atlas")
 _IN_ROOM = {room: _PAPER.with_changes(room=room, atlas_spacing_m=0.02 if room == "paper" else 0.03) for room in ROOMS}
 
 UPDATES = ("taken", "all")
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3)
 TOO_SMALL, TOO_GREAT = 4e-5, 1.25e-2
-"""With these no rule learns best in any room (`CHOICE`, `LEAST`)."""
+"""With these no rule of `CORE` learns best in any room (`CHOICE`, `LEAST`); other rules were not tried with them."""
 
 CORE = {
     "form 2": "fletcher-reeves",
@@ -46,7 +48,7 @@ CORE = {
     "fixed 0.25": "fixed:0.25",
     "fixed 0.5": "fixed:0.5",
 }
-"""Form 2, what it is made of, and the fixed lambdas that are good under the paper's update."""
+"""Form 2, what it is made of, and fixed lambdas: those that are tried in every room."""
 
 FIXED = tuple(label for label in CORE if label.startswith("fixed"))
 
@@ -141,7 +143,7 @@ LEAST = study(
     {
         f"{name} @ {alpha:g}": CHOICE.conditions[f"{name} @ {alpha:g}"]
         for name in DOUBTFUL
-        for alpha in (TOO_SMALL, *STEP_SIZES[:2])
+        for alpha in (TOO_SMALL, *STEP_SIZES)
     },
     range(4, 44),
     summary,
@@ -421,7 +423,8 @@ _INTRO = "Late steps of form 2 as a multiple of those of"
 @claim("Q1", "does it matter *when* λ is large?", MECHANISM, MECHANISM_DRAWN)
 def when(of: Any, drawn: Any) -> Judged:
     """Form 2 is better than lambdas drawn from its own, independently and as a Markov chain (k = 2), each at the best
-    of the step sizes {STEP_SIZES}.
+    of the step sizes {STEP_SIZES}. Its own are those that it has at the default step size with seeds 0 to 7 (table
+    lambda-pool), to two digits.
     """
     found = timing(of, drawn)
     return whether(*found.values()), f"{_INTRO} lambdas drawn from its own, {told(found)}."
@@ -547,10 +550,11 @@ IN_ROOMS = {
     *(MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN, MECHANISM_ALL, ALL_DRAWN),
 )
 def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, drawn_all: Any) -> Judged:
-    """Yes: in all six form 2 is better than independent draws from its own lambdas, those of the same room and update;
-    partly: in one or more; no: in none, and comparable or worse in each; not shown: something else (k = 6). Judged
-    under the paper's update. Beside it stand other rivals (the best fixed λ of {VALUES}), and what holds where all
-    weights learn. Pooled are the ratios of IQMs, by their geometric mean, over robots, the six rooms fixed.
+    """Yes: in all six form 2 is better than independent draws from its own lambdas, those of the same room and update
+    (as in Q1); partly: in one or more; no: in none, and comparable or worse in each; not shown: something else (k = 6).
+    Judged under the paper's update. Beside it stand other rivals (the best fixed λ of {VALUES}, whichever the update),
+    and what holds where all weights learn. Pooled are the ratios of IQMs, by their geometric mean, over robots, those
+    of each room drawn by themselves, the six rooms fixed.
     """
 
     def words(update: str, of: Any, drawn: Any) -> str:
@@ -580,9 +584,10 @@ _WORDS = "better", "comparable", "worse", "open"
     *(MECHANISM, MECHANISM_DRAWN, ROOMS_RULES, ROOMS_DRAWN, ROOMS_MEASURED),
 )
 def what_decides(*tables: Any) -> Judged:
-    """Yes: the rank correlation over the rooms of a measured property with form 2's ratio to independent draws is too
-    large for chance, by the exact permutation test, ties included and all properties counted as one family. With six
-    rooms only a perfect order can be, so this explores; short of it the answer is not shown.
+    """Yes: the rank correlation over the rooms of a measured property with form 2's ratio to independent draws (of
+    IQMs, under the paper's update) is too large for chance, by the exact permutation test, ties included and all
+    properties counted as one family. With six rooms only a perfect order can be, so this explores; short of it the
+    answer is not shown.
     """
     *compared, measured = tables
     effect = [one.typical.value for one in by_room("i.i.d.", *compared).values()]
@@ -605,8 +610,8 @@ def what_decides(*tables: Any) -> Judged:
 @claim("Q9", "does the camera confirm it?", CAMERA, CAMERA_DRAWN, MECHANISM, MECHANISM_DRAWN)
 def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
     """Form 2 against independent draws, the gate and the opposite gate: of what the atlas decides for the typical robot
-    (the interval of the interquartile means leaves out 1) the camera decides the same, yes: all; partly: some; no: one
-    the other way; not shown: none, or there is none (k = 3). With the camera at the default step size.
+    (the interval of the ratio of IQMs leaves out 1) the camera decides, no: one the other way; else yes: all the same;
+    partly: some; not shown: none, or there is none to decide (k = 3). With the camera at the default step size.
     """
     late = {name: of[of.condition == name].sort_values("seed").late.to_numpy(float) for name in CAMERA.conditions}
     late["independent draws"] = drawn.sort_values("seed").late.to_numpy(float)
@@ -627,8 +632,8 @@ def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
 
 @claim("Q30", "is form 2 better than the best fixed λ where λ is known to matter, on the 19-state walk?", WALK)
 def on_the_walk(of: Any) -> Judged:
-    """Its error, the root mean square over the states in the first ten episodes, is less than that of the best fixed λ,
-    each at its best step size.
+    """Its error, the root mean square over the states in the first ten episodes, is less than that of the best fixed λ
+    (of {ALL_VALUES} and 0.8), each at its best step size of {WALK_STEP_SIZES}.
     """
 
     def errors(rule: str) -> Array:

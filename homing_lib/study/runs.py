@@ -178,8 +178,9 @@ def _made_by() -> dict[str, str]:
         with suppress(PackageNotFoundError):
             made_by[package] = version(package)
     source = hashlib.sha256()
-    for file in sorted(Path(homing_lib.__file__).parent.rglob("*.py")):
-        source.update(file.name.encode() + file.read_bytes())
+    for file in sorted(Path(homing_lib.__file__).parent.rglob("*")):
+        if file.suffix in (".py", ".toml"):
+            source.update(file.name.encode() + file.read_bytes())
     return made_by | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
 
 

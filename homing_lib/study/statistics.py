@@ -45,12 +45,12 @@ def interval(
     return _bootstrap(rng, statistic, values, family=family)
 
 
-def over_runs(estimate: Callable[[Any], float], runs: int, rng: np.random.Generator) -> Interval:
+def over_runs(estimate: Callable[[Any], float], runs: int, rng: np.random.Generator, family: int = 1) -> Interval:
     """Of what must be estimated from several runs at once; they are resampled. estimate: takes the places of the runs
     that are drawn, some more than once, shape (runs,).
     """
     again = [estimate(rng.integers(runs, size=runs)) for _ in range(FEWER_RESAMPLES)]
-    return Interval(estimate(np.arange(runs)), *np.percentile(again, (2.5, 97.5)))
+    return Interval(estimate(np.arange(runs)), *np.percentile(again, (2.5 / family, 100 - 2.5 / family)))
 
 
 def band(table: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:

@@ -70,8 +70,8 @@ STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
 
 LAMBDA_MAP = study(
     "lambda-map",
-    "Does the conjugate lambda do better than fixed ones, or as well (claim C2)? Over step sizes, among them the three "
-    "that the paper prints (E4): who is best at its own best step size, and who survives a large one?",
+    "Forms and fixed lambdas over step sizes, among them the three that the paper prints (E4): who is best at its own "
+    "best step size, and who survives a large one?",
     {
         f"{label} @ {alpha:g}": _ATLAS.with_changes(lambda_rule=rule, alpha0=alpha)
         for label, rule in RULES.items()
@@ -130,7 +130,7 @@ PARTS = study(
 
 AFTER = study(
     "after",
-    "After learning: is home reached from everywhere, by a kidnapped robot, in another light (claims C8, C9)?",
+    "After learning: is home reached from everywhere, by a kidnapped robot, in another light?",
     {"20 episodes": _COARSER, "100 episodes": _COARSER.with_changes(episodes=100)},
     range(1000, 1020),
     trials,
