@@ -21,7 +21,7 @@ from homing_lib.study import claims, errata, opponents, runs, studies
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW
 from homing_lib.study.probes import CLIMBING
 from homing_lib.study.runs import by_episode, load_table
-from homing_lib.study.statistics import interval, ratio
+from homing_lib.study.statistics import MARGIN, interval, ratio
 from homing_lib.thresholds import stopping_thresholds
 
 WELL_BELOW = 0.75
@@ -161,6 +161,7 @@ def latex() -> str:
         "signElsewhere": tex(answers.sign_elsewhere()),
         "verdicts": tex(verdicts()),
         "verdictsCounted": tex(counted()),
+        "margin": f"{MARGIN:g}",
         "judgedRuns": f"{len(studies.FRESH)}",
         "judgedFrom": f"{studies.FRESH[0]}",
         "seenFrom": f"{studies.JUDGED[0]}",
