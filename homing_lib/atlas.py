@@ -89,12 +89,19 @@ class Atlas:
         self._pixels = int(counts[0, 0].sum()) // 3
         position = np.full(clearance_m.shape, -1)
         position[clearance_m >= -lattice.margin] = np.arange(len(counts)) * lattice.headings
+        self._seen_by, self._seen = None, dict[int, Any]()
         # Python's own numbers and lists: for one item they are quicker than arrays.
         self._position: list[list[int]] = position.tolist()
         self._clearance: list[list[float]] = clearance_m.tolist()
         self._x0, self._y0, self._heading0 = lattice.x0, lattice.y0, lattice.home.heading
         self._last_i, self._last_j, self._headings = lattice.nx - 1, lattice.ny - 1, lattice.headings
         self._per_metre, self._per_radian = 1 / lattice.spacing, lattice.headings / (2 * pi)
+
+    def seen_by(self, model: Any) -> dict[int, Any]:
+        """What whoever looks may keep, by lattice pose, for the next one with the same model; empty for another."""
+        if self._seen_by is not model or len(self._seen) > 20_000:  # some 40 MB
+            self._seen_by, self._seen = model, {}
+        return self._seen
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
@@ -189,8 +196,7 @@ def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
         raise
     except Exception as error:  # gzip, JSON and NumPy raise what they like
         what = "missing file" if isinstance(error, FileNotFoundError) else f"damaged file ({shown(str(error))})"
-        remedy = "install the package again or, in a clone, restore the file with git"
-        raise DamagedFile(f"{file}: {what}; {remedy}") from None
+        raise DamagedFile(f"{file}: {what}; install the package again or, in a clone, restore it with git") from None
     return header, atlas
 
 

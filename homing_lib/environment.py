@@ -12,7 +12,7 @@ import numpy as np
 
 from homing_lib import atlas
 from homing_lib.errors import UserError, shown
-from homing_lib.features import Array, HomeModel, difference_variance, histogram, similarity
+from homing_lib.features import HomeModel, difference_variance, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
@@ -156,8 +156,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.world: World
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
-        self._seen: dict[int, tuple[Array, float]] = {}  # features and similarity, by lattice pose
-        self._seen_by: HomeModel | None = None
         if settings.images == "camera":
             from homing_lib import arena
 
@@ -183,8 +181,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if self.model is None:
             self.model = self._shared_survey()
             self._require_elsewhere(self.model)
-        if self._seen_by is not self.model or len(self._seen) > 10_000:  # some 20 MB
-            self._seen, self._seen_by = {}, self.model
+        self._seen = self._atlas.seen_by(self.model) if self._atlas else {}
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
@@ -200,7 +197,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
         self._require()
-        # Gymnasium's own check is a tenth of a step.
         if not (type(action) is int and 0 <= action <= 2) and not self.action_space.contains(action):
             raise UserError(f"action = {shown(action)}: must be 0, 1 or 2")
         self._steps += 1

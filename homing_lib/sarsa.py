@@ -116,8 +116,7 @@ class LinearSarsa:
 
     def begin_episode(self) -> None:
         """Clear the trace and forget the step before; the weights stay."""
-        self.lambda_, self.clipped = 0.0, False
-        self._q_ahead = 0.0  # q_next of the step before, for true online learning
+        self.lambda_, self.clipped, self._q_ahead = 0.0, False, 0.0  # the last: q_next of the step before
         self._restart()
 
     def _restart(self) -> None:

@@ -127,8 +127,7 @@ class Settings(BaseModel):
 
     @pydantic.model_validator(mode="after")
     def _consistent(self) -> "Settings":
-        reach = self.infrared_range_m
-        if self.clear_way_m > reach:
+        if self.clear_way_m > (reach := self.infrared_range_m):
             raise ValueError(f"clear_way_m = {self.clear_way_m}: must not exceed infrared_range_m = {reach}")
         if 360 % self.atlas_heading_deg:
             raise ValueError(f"atlas_heading_deg = {self.atlas_heading_deg}: must divide 360")

@@ -180,7 +180,7 @@ def test_written_again_it_is_the_same_to_the_byte_and_a_run_on_it_is_one_on_the_
         ({"light": 0.97}, "images = compact holds the paper's room with light = 1.0, not 0.97; use"),
         ({"room": "attic"}, "images = compact holds the paper's room with room = paper, not attic; use"),
         ({"atlas_spacing_m": 0.03}, "images = compact holds the paper's room with atlas_spacing_m = 0.04, not 0.03;"),
-        ({"observation": "image"}, 'observation = "image": an atlas holds histograms only'),
+        ({"observation": "image"}, 'observation = "image": an atlas has histograms only'),
     ],
 )
 def test_the_compact_atlas_stands_in_for_no_other(changes, line):

@@ -48,7 +48,7 @@ CORE = {
     "fixed 0.25": "fixed:0.25",
     "fixed 0.5": "fixed:0.5",
 }
-"""Form 2, what it is made of, and fixed lambdas: those that are tried in every room."""
+"""Form 2, what it is made of, and fixed lambdas: those that are tried in every room, but for the absolute ratio."""
 
 FIXED = tuple(label for label in CORE if label.startswith("fixed"))
 
@@ -288,8 +288,8 @@ MECHANISM_DRAWN = study(
 
 ROOMS_RULES = study(
     "mechanism-rooms",
-    "The same in five other rooms, to which no setting was fitted, and with either update.",
-    _conditions(CORE, UPDATES, _OTHERS),
+    "The same, but for the absolute ratio, in five other rooms, to which nothing was fitted, and with either update.",
+    _conditions({label: rule for label, rule in CORE.items() if label != "absolute"}, UPDATES, _OTHERS),
     HUNDRED[:50],
     summary,
 )

@@ -50,6 +50,7 @@ def whole_runs(model: HomeModel) -> Block:
         steps = 0
         for seed in range(RUNS):
             with HomingEnv(ATLAS, observation="features", model=model) as env:
+                env.world._seen_by = None  # of the runs before
                 env.reset(seed=seed)
                 agent = SarsaAgent(ATLAS, np.random.default_rng(seed))
                 for number in range(1, ATLAS.episodes + 1):
