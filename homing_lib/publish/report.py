@@ -161,7 +161,7 @@ def latex() -> str:
         "signElsewhere": tex(answers.sign_elsewhere()),
         "verdicts": tex(verdicts()),
         "verdictsCounted": tex(counted()),
-        "margin": f"{MARGIN:g}",
+        "comparableMargin": f"{MARGIN:g}",
         "judgedRuns": f"{len(studies.FRESH)}",
         "judgedFrom": f"{studies.FRESH[0]}",
         "seenFrom": f"{studies.JUDGED[0]}",
