@@ -99,7 +99,7 @@ class Atlas:
 
     def seen_by(self, model: Any) -> dict[int, Any]:
         """What whoever looks may keep, by lattice pose, for the next one with the same model; empty for another."""
-        if self._seen_by is not model or len(self._seen) > 20_000:  # some 40 MB
+        if self._seen_by is not model or len(self._seen) > 20_000:
             self._seen_by, self._seen = model, {}
         return self._seen
 

@@ -156,6 +156,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.world: World
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
+        self._seen, self._seen_by = dict[int, Any](), object()  # features and similarity by lattice pose; whose
         if settings.images == "camera":
             from homing_lib import arena
 
@@ -181,7 +182,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if self.model is None:
             self.model = self._shared_survey()
             self._require_elsewhere(self.model)
-        self._seen = self._atlas.seen_by(self.model) if self._atlas else {}
+        if self._atlas and (self._seen_by is not self.model or len(self._seen) > 20_000):  # some 40 MB
+            self._seen, self._seen_by = self._atlas.seen_by(self.model), self.model
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
@@ -202,8 +204,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._steps += 1
         driven, at_wall = self._robot.act(int(action), self.np_random)
         before, (observation, nrb) = self._similarity, self._look()
-        self._similarity = nrb
-        terminated = nrb >= self._psi_upper
+        self._similarity, terminated = nrb, nrb >= self._psi_upper
         gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings, home=terminated)
         truncated = not terminated and self._steps >= self.settings.max_steps
         if self.render_mode is not None:
