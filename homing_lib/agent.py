@@ -17,11 +17,13 @@ from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.settings import Settings
 
-_SEEN, _LEARNT = ("x", "y", "heading", "action", "reward", "similarity"), ("delta", "lambda", "clipped", "change")
-STEP_COLUMNS = (*_SEEN, *_LEARNT, "at_wall")
-"""What an episode records at every step: the pose reached (m, m, rad); the action driven, and credited; the reward; NRB
-of the view from there; the TD error; lambda, and whether it was clipped; the Euclidean length of the weights' change;
-whether the robot was stopped by a wall, or turning away from it."""
+STEP_COLUMNS = (
+    *("x", "y", "heading"),  # of the pose reached: m, m, rad
+    *("action", "reward", "similarity"),  # action driven and credited; reward; NRB of the view from there
+    *("delta", "lambda", "clipped"),  # TD error; lambda, and whether it was reset
+    *("change", "at_wall"),  # Euclidean length of the weights' change; stopped, or turning away
+)
+"""What an episode records at every step."""
 
 
 class SarsaAgent:

@@ -89,19 +89,12 @@ class Atlas:
         self._pixels = int(counts[0, 0].sum()) // 3
         position = np.full(clearance_m.shape, -1)
         position[clearance_m >= -lattice.margin] = np.arange(len(counts)) * lattice.headings
-        self._seen_by, self._seen = None, dict[int, Any]()
         # Python's own numbers and lists: for one item they are quicker than arrays.
         self._position: list[list[int]] = position.tolist()
         self._clearance: list[list[float]] = clearance_m.tolist()
         self._x0, self._y0, self._heading0 = lattice.x0, lattice.y0, lattice.home.heading
         self._last_i, self._last_j, self._headings = lattice.nx - 1, lattice.ny - 1, lattice.headings
         self._per_metre, self._per_radian = 1 / lattice.spacing, lattice.headings / (2 * pi)
-
-    def seen_by(self, model: Any) -> dict[int, Any]:
-        """What whoever looks may keep, by lattice pose, for the next one with the same model; empty for another."""
-        if self._seen_by is not model or len(self._seen) > 20_000:
-            self._seen_by, self._seen = model, {}
-        return self._seen
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
@@ -232,7 +225,7 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
         return None
     except DamagedFile as error:
         if not quiet:
-            _say(f"{error}; it is built anew")
+            tqdm.write(f"homing: {error}; it is built anew", file=sys.stderr)
         return None
     return arrays
 
@@ -292,9 +285,5 @@ def _alone(path: Path) -> AbstractContextManager[Any]:
     try:
         return lock.acquire(blocking=False)
     except Timeout:
-        _say(f"another process is building {path}; waiting for it")
+        tqdm.write(f"homing: another process is building {path}; waiting for it", file=sys.stderr)
         return lock.acquire()
-
-
-def _say(text: str) -> None:
-    print(f"homing: {text}", file=sys.stderr)

@@ -156,7 +156,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.world: World
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
-        self._seen, self._seen_by = dict[int, Any](), object()  # features and similarity by lattice pose; whose
+        self._seen: dict[int, Any] = {}  # features and similarity, by lattice pose
+        self._seen_by: HomeModel | None = None
         if settings.images == "camera":
             from homing_lib import arena
 
@@ -182,8 +183,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if self.model is None:
             self.model = self._shared_survey()
             self._require_elsewhere(self.model)
-        if self._atlas and (self._seen_by is not self.model or len(self._seen) > 20_000):  # some 40 MB
-            self._seen, self._seen_by = self._atlas.seen_by(self.model), self.model
+        if self._seen_by is not self.model or len(self._seen) > 10_000:  # some 20 MB
+            self._seen, self._seen_by = {}, self.model
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]

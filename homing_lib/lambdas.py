@@ -84,9 +84,11 @@ hestenes_stiefel_printed = _derived("hestenes-stiefel:printed", hestenes_stiefel
 def fletcher_reeves(
     *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any
 ) -> float:
-    """Eq. (7), form 2: the lambda that makes TD(lambda) follow the Fletcher-Reeves direction. The paper's choice.
+    """Eq. (7), form 2: the lambda that makes TD(lambda) follow the Fletcher-Reeves direction.
 
-    lambda_t = delta_t |phi_t|^2 / (gamma delta_{t-1} |phi_{t-1}|^2)
+        lambda_t = delta_t |phi_t|^2 / (gamma delta_{t-1} |phi_{t-1}|^2)
+
+    The paper's choice.
     """
     return _ratio(delta * dot(phi, phi), discount * delta_prev * dot(phi_prev, phi_prev))
 
@@ -95,7 +97,9 @@ def fletcher_reeves(
 def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any) -> float:
     """Eq. (7), form 3: the lambda that makes TD(lambda) follow the Polak-Ribiere direction.
 
-    lambda_t = (delta_t phi_t - delta_{t-1} phi_{t-1})^T phi_t / (gamma delta_{t-1} |phi_{t-1}|^2)
+        lambda_t = (delta_t phi_t - delta_{t-1} phi_{t-1})^T phi_t / (gamma delta_{t-1} |phi_{t-1}|^2)
+
+    It differs from form 2 where successive features are not orthogonal.
     """
     along_phi = delta * dot(phi, phi) - delta_prev * dot(phi_prev, phi)
     return _ratio(along_phi, discount * delta_prev * dot(phi_prev, phi_prev))

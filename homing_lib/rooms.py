@@ -4,14 +4,14 @@ import tomllib
 from collections import Counter
 from math import radians
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
 from homing_lib.errors import UserError, nearest, shown
 
-WALLS = "east", "north", "west", "south"
+Wall = Literal["east", "north", "west", "south"]
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -85,7 +85,7 @@ class Ball(_Thing):
 class Picture:
     """On a wall, flat: its centre's x (north, south) or y (east, west) and height above the floor; width and height."""
 
-    wall: Literal["east", "north", "west", "south"]
+    wall: Wall
     along: float
     height: float
     size: tuple[float, float]
@@ -113,8 +113,8 @@ class Room:
     texture_seed: int = 2014
 
     def __post_init__(self) -> None:
-        if {*self.walls} != {*WALLS}:
-            raise ValueError(f"walls: must be {', '.join(WALLS)}")
+        if {*self.walls} != {*get_args(Wall)}:
+            raise ValueError(f"walls: must be {', '.join(get_args(Wall))}")
         if unknown := {*self.home_objects} - {thing.name for thing in self.objects}:
             raise ValueError(f"home_objects: no object has the name {unknown.pop()}")
 

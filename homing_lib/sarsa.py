@@ -123,8 +123,11 @@ class LinearSarsa:
         self._e: Array = np.zeros_like(self._theta)
         self._step_before: tuple[float, Array] | None = None  # delta_{t-1}, phi_{t-1}
 
-    def values(self, phi: ArrayLike, name: str = "phi") -> Array:
-        """Q(s, a) of every action, shape (actions,). phi: shape (n,); name: what a refusal calls it."""
+    def values(self, phi: ArrayLike) -> Array:
+        """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
+        return self._values("phi", phi)
+
+    def _values(self, name: str, phi: ArrayLike | None) -> Array:
         x = self._features(name, phi)
         return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
 
@@ -198,8 +201,9 @@ class LinearSarsa:
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
-        told = " ".join(repr(ratio)[:60].split()) + isinstance(ratio, np.floating) * " (NumPy's numbers divide by 0)"
-        raise ValueError(f"lambda rule {name_of(self.lambda_rule)} returned {told}; {TAKES_AND_RETURNS}")
+        told = f"lambda rule {name_of(self.lambda_rule)} returned {' '.join(repr(ratio)[:60].split())}"
+        why = " (NumPy's numbers divide by 0)" if isinstance(ratio, np.floating) else ""
+        raise ValueError(f"{told}{why}; {TAKES_AND_RETURNS}")
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
@@ -252,7 +256,7 @@ class LinearQ(LinearSarsa):
 
     def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = self.values(phi_next, "phi_next")  # type: ignore[arg-type] # None is refused there
+        values = self._values("phi_next", phi_next)
         self._cut = bool(values[self._action("next_action", next_action)] < values.max())
         return float(values.max())
 

@@ -16,7 +16,6 @@ import psutil
 import pytest
 
 from homing_lib.agent import run
-from homing_lib.errors import UserError
 from homing_lib.storage import packed, read_arrays
 from homing_lib.study import runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
@@ -33,6 +32,7 @@ from tests.kills import (
     workers_of,
     written,
 )
+from tests.test_runs import refusal
 
 FEW = replace(STUDY, seeds=range(3))
 WHOLE_RUNS = replace(FEW, measure=None)
@@ -51,15 +51,6 @@ def here(tmp_path, monkeypatch):
 def whole(tmp_path_factory):
     """What `STUDY` stores if nobody disturbs it."""
     return undisturbed(tmp_path_factory.mktemp("undisturbed"))
-
-
-def refusal(function, *arguments):
-    """The one line with which a call is refused."""
-    with pytest.raises(UserError) as error:
-        function(*arguments)
-    line = str(error.value)
-    assert "\n" not in line
-    return line
 
 
 def wait_for(what, seconds=60):

@@ -107,6 +107,16 @@ def names(kind: str = "CQ") -> list[str]:
     return sorted((name for name in CLAIMS if name[0] in kind), key=lambda name: (name[0], int(name[1:])))
 
 
+def counted(words: Iterable[str], wanted: str, *otherwise: str) -> Verdict:
+    """Of what was found in several comparisons: yes if all are as wanted, partly if some are, no if none is and all are
+    otherwise; else not shown.
+    """
+    found = set(words)
+    if wanted in found:
+        return "yes" if found == {wanted} else "partly"
+    return "no" if found <= {*otherwise} else "not shown"
+
+
 class Finding(NamedTuple):
     """What was found about a claim or a question. str() is a paragraph in Markdown, and one of the predicate."""
 
@@ -194,6 +204,11 @@ def compare_at_best(
     """The same, each side at its best choice: shapes (k, runs) and (l, runs), a row per choice (`ratio_at_best`)."""
     rng = np.random.default_rng(0)
     return Comparison(*(ratio_at_best(ours, theirs, rng, one, family, chosen_by or ()) for one in (iqm, np.mean)))
+
+
+def whether(*found: Comparison) -> Verdict:
+    """Is it better than the others? Yes: than each; partly: than some; no: than none, and comparable or worse."""
+    return counted([one.word for one in found], "better", "comparable", "worse")
 
 
 def of_steps(of: Any, ours: str, theirs: str, family: int = 1) -> Comparison:

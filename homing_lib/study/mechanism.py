@@ -19,7 +19,7 @@ from homing_lib.features import Array, similarity
 from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best
+from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best, whether
 from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
 from homing_lib.study.statistics import iqm, pooled_at_best, side
@@ -387,16 +387,6 @@ def all_rows(
 def ranking(of: Any) -> list[str]:
     """Rules by their late steps, interquartile means, each at its best step size; the fewest first. of: `MECHANISM`."""
     return sorted(CORE, key=lambda rule: min(map(iqm, rows(of, rule))))
-
-
-def whether(*found: Comparison) -> Verdict:
-    """Does what the others lack matter? Yes: form 2 is better than each; partly: than one; no: better than none, and
-    comparable or worse; not shown: something else.
-    """
-    words = [one.word for one in found]
-    if "better" in words:
-        return "yes" if set(words) == {"better"} else "partly"
-    return "not shown" if "open" in words else "no"
 
 
 def told(found: Mapping[str, Comparison]) -> str:

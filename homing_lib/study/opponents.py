@@ -1,6 +1,5 @@
 """What learning is worth: against robots that do not learn, and from anywhere; what stops it, and what it follows."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,9 +7,8 @@ import numpy as np
 from homing_lib.features import Array
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, interval_of, percent
+from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, counted, interval_of, percent, whether
 from homing_lib.study.measures import TRIAL_STEPS, episodes
-from homing_lib.study.mechanism import whether
 from homing_lib.study.probes import (
     ABOUT_HOME,
     ANYWHERE,
@@ -245,14 +243,6 @@ def stops(views: Any, rule: str, threshold: float) -> tuple[float, float]:
     return float(begins.away_m.mean()), float(begins.turned_deg.abs().mean())
 
 
-def in_rooms(where: Iterable[str], wanted: str = "below", otherwise: str = "above") -> Verdict:
-    """Of a word for each room: yes if all are as wanted, partly if some are, no if all are otherwise."""
-    sides = set(where)
-    if wanted in sides:
-        return "yes" if sides == {wanted} else "partly"
-    return "no" if sides == {otherwise} else "not shown"
-
-
 def _told(found: dict[str, Any]) -> str:
     return "; ".join(f"{room} {one:.2f}, {one.word}{knife_edge(*one)}" for room, one in found.items())
 
@@ -311,7 +301,7 @@ def orientation(of: Any) -> Judged:
             + f"; wider than three snapshots by {wider['three'][-1]:+.0f} degrees, than raw images by "
             f"{wider['raw'][-1]:+.0f}"
         )
-    than = {rule: in_rooms((side(one, 0) for one in found), "above", "below") for rule, found in wider.items()}
+    than = {rule: counted((side(one, 0) for one in found), "above", "below") for rule, found in wider.items()}
     verdict: Verdict = "not reproduced" if than["raw"] == "no" else "not shown"
     if than["raw"] == "yes":
         verdict = "reproduced" if than["three"] == "yes" else "partly reproduced"
@@ -393,7 +383,7 @@ def pays(of: Any) -> Judged:
     found = {start: paid_in_rooms(of, start) for start in ("room", "uniform")}
     paid = found["room"].values()
     soon = max(one.high for one in paid) <= Settings().episodes
-    within = in_rooms(side(one, EPISODES + 0.5) for one in paid)
+    within = counted((side(one, EPISODES + 0.5) for one in paid), "below", "above")
 
     def told(start: str) -> str:
         each = [f"{room} {one:.0f}" if one.value <= EPISODES else f"{room} never" for room, one in found[start].items()]
@@ -425,7 +415,7 @@ def from_anywhere(of: Any) -> Judged:
         edge = knife_edge(home, margins=(0.95,)) + knife_edge(*steps)
         told.append(f"{room} {percent(home)} %, worst place {worst:.0%}, {steps:.2f} of the climb's steps{edge}")
     return (
-        in_rooms(where, "met", "missed"),
+        counted(where, "met", "missed"),
         f"Learnt {CHOSEN}, in 100 episodes, climbing in {CLIMBING:.0%} of the trial's steps: {'; '.join(told)}.",
     )
 
@@ -466,7 +456,7 @@ def beside_and_behind(of: Any) -> Judged:
         return ", ".join(f"{room} {percent(one, '+')}" for room, one in gaps[name].items())
 
     return (
-        in_rooms(side(one, 0) for one in gaps["published"].values()),
+        counted((side(one, 0) for one in gaps["published"].values()), "below", "above"),
         f"The share that reaches home differs there, in percentage points, by {told('published')}. Of robots that "
         f"learnt {CHOSEN}, and so began there too, by {told('extension')}; and "
         f"where they climb in {CLIMBING:.0%} of the steps, by {told('climbing')}.",
@@ -494,6 +484,6 @@ def held_by_walls(of: Any) -> Judged:
             f"{beyond_home(ends, room).mean():.0%} of them beside or behind home"
         )
     return (
-        in_rooms((side(one, 0.5) for one in at_walls.values()), "above", "below"),
+        counted((side(one, 0.5) for one in at_walls.values()), "above", "below"),
         f"Of their last hundred steps lost robots spend at walls: {'; '.join(told)}.",
     )

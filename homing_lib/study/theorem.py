@@ -1,8 +1,10 @@
 """The theorem behind eq. (7), tested: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
 
-ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
-parting         how far the two are apart, step by step
-on_a_quadratic  what the forms say where the textbook's must coincide
+    ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
+    parting         how far the two are apart, step by step
+    on_a_quadratic  what the forms say where the textbook's must coincide
+
+`beta` has the textbook's formulas, which know nothing of TD.
 """
 
 from collections.abc import Sequence
@@ -63,8 +65,8 @@ class ConjugateTD(LinearTD):
 def beta(form: Form, g: Array, g_prev: Array, p_prev: Array) -> float:
     """How much conjugate gradient keeps of its previous direction: p_t = g_t + beta_t p_{t-1}.
 
-    g, g_prev: minus the gradients, shape (n,). p_prev: the previous direction, shape (n,). These are the textbook
-    formulas, which know nothing of TD; they are undefined where the previous step was none.
+    g, g_prev: minus the gradients, shape (n,). p_prev: the previous direction, shape (n,). Undefined where the previous
+    step was none.
     """
     one_of("form of beta", form, tuple(_BETA))
     return float(_BETA[form](g, g_prev, p_prev))

@@ -10,7 +10,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read once, when numpy is loaded
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from importlib.util import find_spec
 from time import process_time
 from typing import Any
@@ -50,7 +49,7 @@ def whole_runs(model: HomeModel) -> Block:
     def block() -> int:
         steps = 0
         for seed in range(RUNS):
-            with HomingEnv(ATLAS, observation="features", model=replace(model)) as env:
+            with HomingEnv(ATLAS, observation="features", model=model) as env:
                 env.reset(seed=seed)
                 agent = SarsaAgent(ATLAS, np.random.default_rng(seed))
                 for number in range(1, ATLAS.episodes + 1):
