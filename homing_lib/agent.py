@@ -14,7 +14,7 @@ from homing_lib.errors import UserError
 from homing_lib.features import Array, similarity
 from homing_lib.lambdas import LambdaRule
 from homing_lib.policy import action_probabilities, decrease_rate, sample
-from homing_lib.sarsa import Diverged, LinearSarsa
+from homing_lib.sarsa import Diverged, LinearSarsa, silent
 from homing_lib.settings import Settings
 
 STEP_COLUMNS = (
@@ -60,7 +60,7 @@ class SarsaAgent:
 
     def choose(self, phi: Array) -> int:
         """Draw an action from eq. (22)."""
-        values = self.learner.values(phi).tolist()
+        values = self.learner.value_list(phi)
         return sample(action_probabilities(values, mixture=self.settings.mixture, **self._exploring), self._rng)
 
     def learn(
@@ -69,7 +69,7 @@ class SarsaAgent:
         """One update. Returns the TD error, lambda, whether it was clipped, and the length of the weights' change."""
         if at_wall and not self.settings.learn_at_walls:
             return 0.0, 0.0, False, 0.0
-        delta = self.learner.update(phi, action, reward, phi_next, next_action, terminal=terminal)
+        delta = self.learner.learn(phi, action, reward, phi_next, next_action, terminal)
         return delta, self.learner.lambda_, self.learner.clipped, self.learner.change
 
 
@@ -116,6 +116,7 @@ def overwritten(rule: LambdaRule) -> LambdaRule:
     return lambda **seen: rule(**{**seen, "phi_prev": seen["phi"]})
 
 
+@silent
 def run_episode(
     env: gymnasium.Env[Any, Any], agent: Agent, options: dict[str, Any] | None = None
 ) -> tuple[Array, bool]:

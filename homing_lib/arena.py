@@ -92,13 +92,12 @@ class Arena(AbstractContextManager["Arena"]):
         forward_x, forward_y = cos(pose.heading), sin(pose.heading)
         eye = (pose.x + s.camera_offset_m * forward_x, pose.y + s.camera_offset_m * forward_y, s.camera_height_m)
         target = (eye[0] + forward_x, eye[1] + forward_y, eye[2])
-        view = pybullet.computeViewMatrix(eye, target, (0.0, 0.0, 1.0))
-        return self._picture(s.image_size, s.image_size, view, self._projection, flags)
+        return self._picture(s.image_size, s.image_size, (eye, target, (0.0, 0.0, 1.0)), self._projection, flags)
 
-    def _picture(self, width: int, height: int, view: Any, projection: Any, flags: int = 0) -> tuple[Image, Any]:
-        """Colours, shape (height, width, 4), and Bullet's segmentation mask."""
+    def _picture(self, width: int, height: int, look: Any, projection: Any, flags: int = 0) -> tuple[Image, Any]:
+        """Colours, shape (height, width, 4), and Bullet's segmentation mask. look: from where, where to, up."""
         *_, image, _, mask = pybullet.getCameraImage(
-            width, height, view, projection, flags=flags, **self._image_options
+            width, height, pybullet.computeViewMatrix(*look), projection, flags=flags, **self._image_options
         )
         if isinstance(image, tuple):  # a PyBullet that was built without NumPy
             image = np.frombuffer(bytearray(image), np.uint8)
@@ -107,20 +106,18 @@ class Arena(AbstractContextManager["Arena"]):
     def top_view(self, pixels: int = 480) -> Image:
         """The room from above with the same textures, shape (height, pixels, 3): x to the right, y upwards."""
         (width, depth), distance = self.room.size, 6.0
-        above, below = (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0)
-        view = pybullet.computeViewMatrix(above, below, (0.0, 1.0, 0.0))
+        look = (width / 2, depth / 2, distance), (width / 2, depth / 2, 0.0), (0.0, 1.0, 0.0)
         right = width / 2 * 0.02 / distance
         top = right * depth / width
         projection = pybullet.computeProjectionMatrix(-right, right, -top, top, 0.02, 8.0)
-        return np.ascontiguousarray(self._picture(pixels, round(pixels * depth / width), view, projection)[0][:, :, :3])
+        return np.ascontiguousarray(self._picture(pixels, round(pixels * depth / width), look, projection)[0][:, :, :3])
 
     def perspective(self, pixels: int = 640) -> Image:
         """The room obliquely from above, shape (height, pixels, 3)."""
         width, depth = self.room.size
-        eye, target = (-0.8 * width, -1.2 * depth, 1.9), (width / 2, depth / 2, self.room.wall_height / 3)
-        view = pybullet.computeViewMatrix(eye, target, (0.0, 0.0, 1.0))
+        look = (-0.8 * width, -1.2 * depth, 1.9), (width / 2, depth / 2, self.room.wall_height / 3), (0.0, 0.0, 1.0)
         projection = pybullet.computeProjectionMatrixFOV(32.0, 4 / 3, 0.05, 8.0)
-        return np.ascontiguousarray(self._picture(pixels, round(pixels * 3 / 4), view, projection)[0][:, :, :3])
+        return np.ascontiguousarray(self._picture(pixels, round(pixels * 3 / 4), look, projection)[0][:, :, :3])
 
     # --- What it touches and feels --------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[str, HomeModel] = {}  # what this process has found out about homes, by all that it depends on
+_SURVEYS: dict[str, tuple[HomeModel, dict[int, Any]]] = {}  # of homes, and views since then, by all they depend on
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
@@ -157,7 +157,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
         self._seen: dict[int, Any] = {}  # features and similarity, by lattice pose
-        self._seen_by: HomeModel | None = None
         if settings.images == "camera":
             from homing_lib import arena
 
@@ -181,10 +180,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"options = {shown(options)}: must be None or {{'start': ...}}")
         super().reset(seed=seed)
         if self.model is None:
-            self.model = self._shared_survey()
+            self.model, self._seen = self._shared_survey()
             self._require_elsewhere(self.model)
-        if self._seen_by is not self.model or len(self._seen) > 10_000:  # some 20 MB
-            self._seen, self._seen_by = {}, self.model
+        if len(self._seen) > 20_000:  # some 40 MB
+            self._seen.clear()
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
@@ -261,11 +260,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         pose, reflex = self._robot.pose, -1 if self._robot.reflex is None else self._robot.reflex
         return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
-    def _shared_survey(self) -> HomeModel:
+    def _shared_survey(self) -> tuple[HomeModel, dict[int, Any]]:
         scopes = self.settings.of_scope("view", "lattice", "survey")
         key = repr((scopes, self.room, self.home, self._survey_seed))
         if key not in _SURVEYS:
-            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed))
+            for _, seen in _SURVEYS.values():  # the views of one survey fill memory enough
+                seen.clear()
+            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed)), {}
         return _SURVEYS[key]
 
     def _require_elsewhere(self, model: HomeModel) -> None:

@@ -22,8 +22,7 @@ from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, na
 Traces = Literal["accumulating", "replacing", "dutch"]
 Update = Literal["taken", "all"]
 
-# A decorator: numpy's overflow warnings add nothing to `Diverged`, which says where the run ended.
-silent = np.errstate(all="ignore")
+silent = np.errstate(all="ignore")  # a decorator: NumPy's warnings of overflow add nothing to what `Diverged` says
 
 
 class Diverged(ArithmeticError):
@@ -125,35 +124,36 @@ class LinearSarsa:
 
     def values(self, phi: ArrayLike) -> Array:
         """Q(s, a) of every action, shape (actions,). phi: shape (n,)."""
-        return self._values("phi", phi)
+        return np.array(self.value_list(phi))
 
-    def _values(self, name: str, phi: ArrayLike | None) -> Array:
+    def value_list(self, phi: ArrayLike | None, name: str = "phi") -> list[float]:
+        """The same as Python's own numbers, which for a few are quicker."""
         x = self._features(name, phi)
-        return np.array([linear(name, theta_a, x) for theta_a in self._theta_of])
+        return [linear(name, theta_a, x) for theta_a in self._theta_of]
 
     @silent
     def update(
-        self,
-        phi: ArrayLike,
-        action: int,
-        reward: float,
-        phi_next: ArrayLike | None,
-        next_action: int | None,
-        *,
-        terminal: bool = False,
+        self, phi: ArrayLike, action: int, reward: float, phi_next: Any, next_action: Any, *, terminal: bool = False
     ) -> float:
         """Learn from s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}; return the TD error. phi, phi_next: shape (n,).
 
-        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored.
+        After a terminal step, unless it bootstraps, nothing follows: phi_next and next_action are ignored, or None.
         """
+        x, a = self._features("phi", phi), self._action("action", action)
+        follows = not terminal or self.bootstrap_terminal
+        x_next = self._features("phi_next", phi_next) if follows else x
+        a_next = self._action("next_action", next_action) if follows else a
+        return self.learn(x, a, finite("reward", reward), x_next, a_next, terminal)
+
+    def learn(self, phi: Array, a: int, reward: float, phi_next: Array, next_action: int, terminal: bool) -> float:
+        """`update` without its checks, for whoever has made sure of shapes and actions."""
         theta, alpha, gamma = self._theta, self._step_size, self.discount
-        phi, a = self._features("phi", phi), self._action("action", action)
         phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
         phi_sa[a] = phi
 
         q = linear("phi", self._theta_of[a], phi)
         q_next = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_next, next_action)
-        delta = finite("reward", reward) + gamma * q_next - q  # eq. (1)
+        delta = reward + gamma * q_next - q  # eq. (1)
 
         lambda_t = self._lambda(delta, phi_sa.ravel())  # eq. (7)
 
@@ -205,10 +205,9 @@ class LinearSarsa:
         why = " (NumPy's numbers divide by 0)" if isinstance(ratio, np.floating) else ""
         raise ValueError(f"{told}{why}; {TAKES_AND_RETURNS}")
 
-    def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
+    def _value_ahead(self, phi_next: Array, next_action: int) -> float:
         """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
-        a = self._action("next_action", next_action)
-        return linear("phi_next", self._theta_of[a], self._features("phi_next", phi_next))
+        return linear("phi_next", self._theta_of[next_action], phi_next)
 
     def _changed_by(self, change: Array) -> None:
         """Note a change just made to the weights, and see that they are still finite."""
@@ -246,18 +245,18 @@ class LinearQ(LinearSarsa):
     def __init__(self, n_features: int, n_actions: int, *, update: Update = "all", **settings: Any) -> None:
         super().__init__(n_features, n_actions, update=update, **settings)
 
-    def update(self, *step: Any, **terminal: bool) -> float:  # type: ignore[override]
-        """As `LinearSarsa.update`."""
+    def learn(self, *step: Any) -> float:
+        """As `LinearSarsa.learn`."""
         self._cut = False
-        delta = super().update(*step, **terminal)
+        delta = super().learn(*step)
         if self._cut:
             self._restart()
         return delta
 
-    def _value_ahead(self, phi_next: ArrayLike | None, next_action: Any) -> float:
+    def _value_ahead(self, phi_next: Array, next_action: int) -> float:
         """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = self._values("phi_next", phi_next)
-        self._cut = bool(values[self._action("next_action", next_action)] < values.max())
+        values = np.array(self.value_list(phi_next, "phi_next"))
+        self._cut = bool(values[next_action] < values.max())
         return float(values.max())
 
 

@@ -1,5 +1,6 @@
 """What a worker process does first: it leaves Ctrl-C to its parent, and sees to it that it ends when that is gone."""
 
+import gc
 import os
 import signal
 import threading
@@ -17,4 +18,5 @@ def begin_work(parent: int) -> None:
         os._exit(1)  # whatever it waits for: a pipe, or a lock, that nobody serves any more
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(100_000)  # the many numbers of an episode are no cycles to look for
     threading.Thread(target=end_with_parent, daemon=True).start()

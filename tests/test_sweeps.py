@@ -350,7 +350,7 @@ def test_a_single_run_that_was_altered_and_is_whole_is_computed_anew(what, here,
     path = path_of(FEW.folder, *FEW.jobs()[0])
     about, arrays = read_arrays(path)
     if what == "a column":
-        arrays["steps"] = arrays["steps"] * 2
+        arrays["table"]["steps"] *= 2
     elif what == "what made it":
         about["made by"] = dict.fromkeys(runs.MADE_BY, "someone")
     else:

@@ -3,8 +3,10 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import nullcontext
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,6 +16,20 @@ from homing_lib.settings import Settings
 from homing_lib.storage import whole, write_bytes
 
 
+@contextmanager
+def _quiet_end() -> Iterator[None]:
+    """Whose work ends early need not hear what was left unfinished, nor that a thread of loky stumbled over it."""
+    before = threading.excepthook
+    threading.excepthook = lambda what: None if what.exc_type is KeyError else before(what)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
+            yield
+    finally:
+        threading.excepthook = before
+
+
+@_quiet_end()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code. A user's mistake is one line on standard error."""
     try:

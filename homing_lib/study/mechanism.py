@@ -5,6 +5,7 @@ Form 2 is held against lambdas that lack one thing each: drawn from its own lamb
 its size and not its sign. Each has the best of four step sizes (`claims.compare_at_best`).
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import permutations, product
@@ -68,9 +69,10 @@ FURTHER = {
 def _conditions(
     rules: dict[str, str], updates: Iterable[str], rooms: Iterable[str], step_sizes: Iterable[float] = STEP_SIZES
 ) -> dict[str, Settings]:
+    # With lambda 0 no other action has a trace, and both updates are one: one run serves both.
     return {
         f"{room}, {label}, {update} @ {alpha:g}": _IN_ROOM[room].with_changes(
-            lambda_rule=rule, update=update, alpha0=alpha
+            lambda_rule=rule, update="taken" if label == "fixed 0" else update, alpha0=alpha
         )
         for room, (label, rule), update, alpha in product(rooms, rules.items(), updates, step_sizes)
     }
@@ -139,11 +141,11 @@ DOUBTFUL = (
 
 LEAST = study(
     "lambda-choice-least",
-    "Where the smaller step size is nearly best, or best, on those four seeds: is it so on forty more?",
+    "Where the smaller step size is nearly best, or best, on those four seeds: is a greater one better on forty more?",
     {
         f"{name} @ {alpha:g}": CHOICE.conditions[f"{name} @ {alpha:g}"]
         for name in DOUBTFUL
-        for alpha in (TOO_SMALL, *STEP_SIZES)
+        for alpha in (TOO_SMALL, *STEP_SIZES[:3])
     },
     range(4, 44),
     summary,
@@ -223,12 +225,12 @@ class Drawn:
             rows = pool[pool.after == after] if chain else pool
             counts = rows.groupby("lambda")["count"].sum()
             values, share = counts.index.to_numpy(float).round(2), counts.to_numpy(float).cumsum()
-            self._of[after] = values, share / share[-1] if len(share) else share
+            self._of[after] = values.tolist(), (share / share[-1]).tolist() if len(share) else []
 
     def __call__(self, **_: Any) -> float:
         values, share = self._of[self._after]
-        drawn = float(values[np.searchsorted(share, self._rng.random(), side="right")])
-        self._after = float(kind(drawn))
+        drawn = values[bisect_right(share, self._rng.random())]
+        self._after = drawn if drawn in (0.0, 1.0) else 0.5
         return drawn
 
     def __str__(self) -> str:
@@ -245,23 +247,34 @@ def pool_of(room: str, update: str) -> Any:
 STAND_INS = ("i.i.d.", "Markov", "mean")
 
 
-def resampled(settings: Settings, seed: int) -> Columns:
-    """Three runs in one row each (`summary`), whose lambdas know nothing of the step, by `stand_in`: drawn from form
-    2's own, independently (0) and as a Markov chain (1), and their mean, fixed (2).
+def stood_in(settings: Settings, seed: int, stand_ins: Iterable[str]) -> Columns:
+    """Runs in one row each (`summary`), whose lambdas know nothing of the step, by `stand_in`, the place in STAND_INS:
+    drawn from form 2's own, independently and as a Markov chain, and their mean, fixed.
     """
     pool = pool_of(settings.room, settings.update)
-    rules: list[LambdaRule] = [
-        Drawn(pool, np.random.default_rng([seed, 4, chain]), chain=bool(chain)) for chain in (0, 1)
-    ]
-    rules.append(Fixed(float(np.average(pool["lambda"], weights=pool["count"]))))
-    rows = [summary_table(run(settings, seed, lambda_rule=rule)) for rule in rules]
-    return {"stand_in": np.arange(3.0)} | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    rules: dict[str, LambdaRule] = {
+        "i.i.d.": Drawn(pool, np.random.default_rng([seed, 4, 0])),
+        "Markov": Drawn(pool, np.random.default_rng([seed, 4, 1]), chain=True),
+        "mean": Fixed(float(np.average(pool["lambda"], weights=pool["count"]))),
+    }
+    numbers = np.array([STAND_INS.index(name) for name in stand_ins], dtype=float)
+    rows = [summary_table(run(settings, seed, lambda_rule=rules[name])) for name in stand_ins]
+    return {"stand_in": numbers} | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+
+
+def resampled(settings: Settings, seed: int) -> Columns:
+    """Three runs, with each of STAND_INS: see `stood_in`."""
+    return stood_in(settings, seed, STAND_INS)
+
+
+def drawn_or_mean(settings: Settings, seed: int) -> Columns:
+    """Two of them, without the chain."""
+    return stood_in(settings, seed, ("i.i.d.", "mean"))
 
 
 def drawn(settings: Settings, seed: int) -> Columns:
     """The first of them alone, for the camera."""
-    rule = Drawn(pool_of(settings.room, settings.update), np.random.default_rng([seed, 4, 0]))
-    return {"stand_in": np.zeros(1)} | summary_table(run(settings, seed, lambda_rule=rule))
+    return stood_in(settings, seed, ("i.i.d.",))
 
 
 _FORM_2 = {"form 2": "fletcher-reeves"}
@@ -296,10 +309,10 @@ ROOMS_RULES = study(
 
 ROOMS_DRAWN = study(
     "mechanism-rooms-drawn",
-    "In those rooms, lambdas drawn from what form 2 has there.",
+    "In those rooms, lambdas drawn independently from what form 2 has there, and their mean.",
     _conditions(_FORM_2, UPDATES, _OTHERS),
     HUNDRED[:50],
-    resampled,
+    drawn_or_mean,
 )
 
 ROOMS_MEASURED = study(

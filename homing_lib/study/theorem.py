@@ -12,11 +12,9 @@ from math import isfinite
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from homing_lib.features import Array
 from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves, one_of
-from homing_lib.sarsa import finite, silent
 from homing_lib.td import LinearTD
 
 Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
@@ -44,14 +42,10 @@ class ConjugateTD(LinearTD):
         self.direction: Array = np.zeros_like(self.weights)
         self._g_prev = self.direction
 
-    @silent
-    def update(  # type: ignore[override]
-        self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False
-    ) -> float:
-        """Learn from one step; return its TD error. phi, phi_next: shape (n,). At a terminal step V(s') is 0."""
-        phi = self._features("phi", phi)
-        value_next = 0.0 if terminal else self._value_ahead(phi_next, 0)
-        delta = finite("reward", reward) + self.discount * value_next - self.value(phi)
+    def learn(self, phi: Array, a: int, reward: float, phi_next: Array, next_action: int, terminal: bool) -> float:
+        """Learn from one step; return its TD error."""
+        value_next = 0.0 if terminal else self._value_ahead(phi_next, next_action)
+        delta = reward + self.discount * value_next - self.value(phi)
         g = delta * phi
         beta_t = beta(self.form, g, self._g_prev, self.direction)  # 0/0 or x/0 at a first step
         self.direction = g + beta_t * self.direction if isfinite(beta_t) else g
