@@ -100,7 +100,7 @@ from homing_lib.publish.commands import main
 from homing_lib.study import runs, studies
 assert [main(command.split()) for command in ("settings", "summary", "verify", "notebook 03-homing")] == [0, 1, 1, 1]
 try:
-    runs.load_table(studies.LAMBDA)
+    runs.load_table(studies.CAMERA)
 except runs.UserError as error:
     sys.exit(f"homing: {error}")
 """
@@ -118,7 +118,7 @@ def test_installed_without_its_repository_the_package_says_in_one_line_what_is_m
         text=True,
         check=False,
     )
-    files = ["data/headline", "data/headline", "notebooks", "data/lambda.parquet"]
+    files = ["data/headline", "data/headline", "notebooks", "data/camera.parquet"]
     lines = done.stderr.splitlines()
     assert len(lines) == len(files), done.stderr
     for line, file in zip(lines, files, strict=True):
@@ -164,7 +164,7 @@ def test_where_a_run_cannot_be_stored_it_is_not_begun(tmp_path, capsys, monkeypa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["sweep", "lambda", "--workers", "1000000"], "must be at most "),
+        (["sweep", "camera", "--workers", "1000000"], "must be at most "),
         (["run", "--seed", "9" * 5000], "at most 18 digits"),
         (["run", "--set", "=1"], "--set =1: expected NAME=VALUE"),
         (["run", "--set", "a\nb=1"], "setting a"),

@@ -276,6 +276,8 @@ def test_everything_can_be_done_by_keyboard(browser):
 def test_every_control_has_a_name_and_every_text_a_contrast(browser, view, theme):
     opened(browser, f"view={view}&rule=own&own=x")
     browser(f"paintTheme('{theme}')")
+    shown = f"[...document.querySelectorAll('#{view} canvas')].filter((e) => e.offsetParent)"
+    browser.until(f"{shown}.every((e) => e.getAttribute('aria-label'))")  # which they have once they are painted
     unnamed = browser(
         """[...document.querySelectorAll("button, input, select, canvas")].filter((e) => e.offsetParent)
         .filter((e) => !(e.textContent.trim() || e.labels?.length || e.getAttribute("aria-label")))

@@ -214,8 +214,8 @@ ERRATA = (
         "the caption speaks of form 1",
         "Fig. 2 and Table I have form 2; which one made the curves cannot be told",
         "form 2; all three forms are run",
-        ("study lambda", _errata("the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs")),
-        (Seen(studies.LAMBDA, "form 1", "form 2"),),
+        ("study lambda-map", _errata("the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs")),
+        (Seen(studies.LAMBDA_MAP, "form 1 @ 0.00125", "form 2 @ 0.00125"),),
     ),
     Erratum(
         "E15",
