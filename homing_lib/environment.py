@@ -182,7 +182,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if self.model is None:
             self.model, self._seen = self._shared_survey()
             self._require_elsewhere(self.model)
-        if len(self._seen) > 20_000:  # some 40 MB
+        if len(self._seen) > 50_000:  # some 110 MB
             self._seen.clear()
         start = self._start_pose(options["start"]) if options and "start" in options else self._start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)

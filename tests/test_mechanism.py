@@ -1,6 +1,7 @@
 """What is drawn follows its pool and nothing else; step sizes are kept by rule; each question is judged as it says."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.settings import Settings
 from homing_lib.study import mechanism, statistics
 from homing_lib.study.claims import Comparison
+from homing_lib.study.measures import summary
 from homing_lib.study.mechanism import ROOMS, STAND_INS, STEP_SIZES, Drawn
 from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
@@ -61,10 +63,15 @@ def test_stand_ins_are_drawn_from_the_pool_of_their_room_and_update_and_run_by_s
     assert list(found["stand_in"]) == [0, 1, 2]
     assert found["lambda"] == pytest.approx([0.125, 0.2, 0.125], abs=0.12)
     assert found["lambda"][2] == pytest.approx(0.125, abs=0.006)  # the mean, but for first steps
-    again, alone = mechanism.resampled(small, 0), mechanism.drawn(small, 0)
+    again, two, few = mechanism.resampled(small, 0), mechanism.drawn_or_mean(small, 0), mechanism.handful(small, 0)
     for name, values in found.items():
         np.testing.assert_array_equal(values, again[name])
-        np.testing.assert_array_equal(values[:1], alone[name])
+        np.testing.assert_array_equal(values[[0, 2]], two[name])
+        if name != "stand_in":
+            assert few[name][3] == values[0]
+    for rule, late in zip(mechanism.HANDFUL[:3], few["late"], strict=False):
+        changed = small.with_changes(lambda_rule=mechanism.CORE[rule])
+        assert summary(changed, 0)["late"] == late
     assert set(asked) == {("paper", "all")}
 
 
@@ -106,6 +113,15 @@ def test_nor_with_a_smaller_one_and_where_that_comes_near_forty_more_seeds_say_s
         for statistic in (np.mean, statistics.iqm):
             too_small, next_three, _ = by_size(load_table(mechanism.LEAST), name, "late", statistic)
             assert too_small > min(next_three), (name, statistic)
+
+
+def test_where_the_smallest_of_the_four_is_left_out_no_rule_comes_within_half_again_of_its_best_with_it():
+    table = load_table(mechanism.CHOICE)
+    small = {room for room in ROOMS if mechanism.step_sizes(room) == STEP_SIZES}
+    assert small == {"paper", "divided", "attic", "cell"}
+    for name in names_of(mechanism.CHOICE):
+        _, (smallest, *others), _ = by_size(table, name)
+        assert name.split(", ")[0] in small or smallest > 1.5 * min(others), name
 
 
 # What is measured
@@ -274,20 +290,25 @@ def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():
         assert f"p = {p:.2f}" in effect
 
 
+def camera_table(late):
+    """A table of `CAMERA`, filled as `table` does it."""
+    rules = replace(mechanism.CAMERA, conditions=dict.fromkeys(mechanism.HANDFUL, Settings()))
+    of = table(rules, late)
+    return of.assign(rule=of.condition.map(mechanism.HANDFUL.index))
+
+
 def test_the_camera_confirms_what_it_decides_as_the_atlas_does():
     atlas = table(M, {"opposite": 60}), drawn_table(D, {"i.i.d.": 60})
 
     def judged(opposite, draws):
-        of = table(mechanism.CAMERA, {"opposite": opposite})
-        drawn = table(mechanism.CAMERA_DRAWN, {"form 2": draws})
-        return mechanism.camera(of, drawn, *atlas)[0]
+        return mechanism.camera(camera_table({"opposite": opposite, "independent": draws}), *atlas)[0]
 
     assert judged(60, 60) == "yes"
     assert [judged(60, 40), judged(40, 60)] == ["partly"] * 2
     assert [judged(60, 20), judged(20, 20)] == ["no"] * 2
     assert judged(40, 40) == "not shown"
     nothing = table(M, {}), drawn_table(D, {})
-    assert mechanism.camera(table(mechanism.CAMERA, {}), table(mechanism.CAMERA_DRAWN, {}), *nothing)[0] == "not shown"
+    assert mechanism.camera(camera_table({}), *nothing)[0] == "not shown"
 
 
 def test_on_the_walk_form_2_must_beat_the_best_fixed_lambda():

@@ -280,9 +280,17 @@ def drawn_or_mean(settings: Settings, seed: int) -> Columns:
     return stood_in(settings, seed, ("i.i.d.", "mean"))
 
 
-def drawn(settings: Settings, seed: int) -> Columns:
-    """The first of them alone, for the camera."""
-    return stood_in(settings, seed, ("i.i.d.",))
+HANDFUL = ("form 2", "gate", "opposite gate", "independent draws")
+
+
+def handful(settings: Settings, seed: int) -> Columns:
+    """Four runs in one row each (`summary`), by `rule`, the place in HANDFUL. They share a survey, which takes the
+    camera as long as a run.
+    """
+    draws = Drawn(pool_of(settings.room, settings.update), np.random.default_rng([seed, 4, 0]))
+    runs = [run(settings.with_changes(lambda_rule=CORE[label]), seed) for label in HANDFUL[:3]]
+    rows = [summary_table(one) for one in (*runs, run(settings, seed, lambda_rule=draws))]
+    return {"rule": np.arange(4.0)} | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
 
 _FORM_2 = {"form 2": "fletcher-reeves"}
@@ -365,18 +373,11 @@ WALK = study(
 
 CAMERA = study(
     "mechanism-camera",
-    "The handful that carries the argument, with the camera.",
-    {label: Settings(lambda_rule=CORE[label]) for label in ("form 2", "gate", "opposite gate")},
+    "The handful that carries the argument, with the camera: form 2, the gate, the opposite gate, and lambdas drawn "
+    "from form 2's.",
+    {"camera": Settings()},
     FRESH,
-    summary,
-)
-
-CAMERA_DRAWN = study(
-    "mechanism-camera-drawn",
-    "And what is drawn from form 2's lambdas, with the camera.",
-    {"form 2": Settings()},
-    FRESH,
-    drawn,
+    handful,
 )
 
 
@@ -620,14 +621,18 @@ def what_decides(*tables: Any) -> Judged:
     )
 
 
-@claim("Q9", "does the camera confirm it?", CAMERA, CAMERA_DRAWN, MECHANISM, MECHANISM_DRAWN)
-def camera(of: Any, drawn: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
+def late_with_camera(of: Any) -> dict[str, Array]:
+    """Late steps by name in HANDFUL, seeds in order. of: `CAMERA`."""
+    return {name: of[of.rule == k].sort_values("seed").late.to_numpy(float) for k, name in enumerate(HANDFUL)}
+
+
+@claim("Q9", "does the camera confirm it?", CAMERA, MECHANISM, MECHANISM_DRAWN)
+def camera(of: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
     """Form 2 against independent draws, the gate and the opposite gate: of what the atlas decides for the typical robot
     (the interval of the ratio of IQMs leaves out 1) the camera decides, no: one the other way; else yes: all the same;
     partly: some; not shown: none, or there is none to decide (k = 3). With the camera at the default step size.
     """
-    late = {name: of[of.condition == name].sort_values("seed").late.to_numpy(float) for name in CAMERA.conditions}
-    late["independent draws"] = drawn.sort_values("seed").late.to_numpy(float)
+    late = late_with_camera(of)
     ours = late.pop("form 2")
     found = {name: compare(ours, theirs, len(late)) for name, theirs in late.items()}
     before = against(on_atlas, ("gate", "opposite gate"), family=len(late))
