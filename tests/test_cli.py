@@ -171,7 +171,7 @@ def test_where_a_run_cannot_be_stored_it_is_not_begun(tmp_path, capsys, monkeypa
         (["run", "--set", "alpha=1"], "did you mean alpha0?"),
         (["run", "--set", "room=attik"], "did you mean attic?"),
         (["run", "--set", "lambda_rule=fletcher-reves"], "did you mean fletcher-reeves?"),
-        (["sweep", "lamda"], "did you mean lambda?"),
+        (["sweep", "camra"], "did you mean camera?"),
         (["run", "--set", "images=compact", "--set", "room=attic"], 'use images="atlas", which needs PyBullet'),
     ],
 )
