@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 
@@ -14,10 +15,11 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
 from homing_lib.agent import run
 from homing_lib.storage import packed, read_arrays
-from homing_lib.study import runs
+from homing_lib.study import quiet, runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
 from tests.kills import (
@@ -339,6 +341,28 @@ def test_an_interrupt_in_the_moment_when_workers_are_started_is_late_but_not_los
     monkeypatch.setattr(joblib.Parallel, "__call__", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sweep(STUDY, workers=2)
+
+
+def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_unsaid(monkeypatch):
+    said = []
+    monkeypatch.setattr(quiet, "_before", lambda what: said.append((what.exc_type, type(what.thread).__name__)))
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)  # as it is again at the end
+    quiet.quieten()
+
+    def fail(kind, error):
+        def run():
+            raise error
+
+        thread = kind.__new__(kind)
+        threading.Thread.__init__(thread)
+        thread.run = run
+        thread.start()
+        thread.join()
+
+    fail(_ExecutorManagerThread, KeyError(5))
+    fail(_ExecutorManagerThread, ValueError())
+    fail(threading.Thread, KeyError(5))
+    assert said == [(ValueError, "_ExecutorManagerThread"), (KeyError, "Thread")]
 
 
 # What vouches for a run

@@ -3,10 +3,8 @@
 import argparse
 import os
 import sys
-import threading
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,24 +12,12 @@ from typing import Any, NoReturn
 from homing_lib.errors import RESUMES, UserError, nearest, shown
 from homing_lib.settings import Settings
 from homing_lib.storage import whole, write_bytes
+from homing_lib.study.quiet import quieten
 
 
-@contextmanager
-def _quiet_end() -> Iterator[None]:
-    """Whose work ends early need not hear what was left unfinished, nor that a thread of loky stumbled over it."""
-    before = threading.excepthook
-    threading.excepthook = lambda what: None if what.exc_type is KeyError else before(what)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
-            yield
-    finally:
-        threading.excepthook = before
-
-
-@_quiet_end()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code. A user's mistake is one line on standard error."""
+    quieten()
     try:
         options = _parser().parse_args(arguments)
         options.command(options)

@@ -39,6 +39,7 @@ from homing_lib.features import Array
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import MARK, ROOT, packed, read_arrays, read_bytes, write_bytes
+from homing_lib.study.quiet import quieten
 from homing_lib.workers import begin_work
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
@@ -238,6 +239,7 @@ _Result = tuple[Settings, int, Run | Columns, dict[str, str]]
 
 
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
+    quieten()
     parallel = joblib.Parallel(
         min(workers, len(todo)), return_as="generator_unordered", initializer=begin_work, initargs=(os.getpid(),)
     )
