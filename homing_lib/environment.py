@@ -20,7 +20,7 @@ from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[str, tuple[HomeModel, dict[int, Any]]] = {}  # of homes, and views since then, by all they depend on
+_SURVEYS: dict[str, tuple[HomeModel, dict[int, Any]]] = {}  # and views since then, by all that they depend on
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 

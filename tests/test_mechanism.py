@@ -301,7 +301,7 @@ def test_the_camera_confirms_what_it_decides_as_the_atlas_does():
     atlas = table(M, {"opposite": 60}), drawn_table(D, {"i.i.d.": 60})
 
     def judged(opposite, draws):
-        return mechanism.camera(camera_table({"opposite": opposite, "independent": draws}), *atlas)[0]
+        return mechanism.camera(camera_table({"opposite": opposite, "i.i.d.": draws}), *atlas)[0]
 
     assert judged(60, 60) == "yes"
     assert [judged(60, 40), judged(40, 60)] == ["partly"] * 2

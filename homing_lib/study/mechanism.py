@@ -2,7 +2,7 @@
 
 Form 2 is held against lambdas that lack one thing each: drawn from its own lambdas, they know nothing of the step
 (timing); a gate and the ratio upside down have its sign and not its size; an opposite gate and its absolute value have
-its size and not its sign. Each has the best of four step sizes (`claims.compare_at_best`).
+its size and not its sign. Each has the best of its room's step sizes (`claims.compare_at_best`).
 """
 
 from bisect import bisect_right
@@ -67,8 +67,8 @@ FURTHER = {
 
 
 def step_sizes(room: str) -> tuple[float, ...]:
-    """Those that are judged in a room. With the smallest no rule comes within half again of its best in the two large
-    ones (`CHOICE`).
+    """Those that are judged in a room: in the two largest without the smallest, with which no rule comes within half
+    again of its best there (`CHOICE`).
     """
     return STEP_SIZES[1:] if room in ("hall", "workshop") else STEP_SIZES
 
@@ -238,7 +238,7 @@ class Drawn:
     def __call__(self, **_: Any) -> float:
         values, share = self._of[self._after]
         drawn = values[bisect_right(share, self._rng.random())]
-        self._after = drawn if drawn in (0.0, 1.0) else 0.5
+        self._after = float(kind(drawn))
         return drawn
 
     def __str__(self) -> str:
@@ -255,42 +255,46 @@ def pool_of(room: str, update: str) -> Any:
 STAND_INS = ("i.i.d.", "Markov", "mean")
 
 
-def stood_in(settings: Settings, seed: int, stand_ins: Iterable[str]) -> Columns:
-    """Runs in one row each (`summary`), whose lambdas know nothing of the step, by `stand_in`, the place in STAND_INS:
-    drawn from form 2's own, independently and as a Markov chain, and their mean, fixed.
+def stand_in(name: str, settings: Settings, seed: int) -> Run:
+    """A run whose lambdas know nothing of the step: drawn from form 2's own, independently or as a Markov chain, or
+    their mean, fixed.
     """
     pool = pool_of(settings.room, settings.update)
-    rules: dict[str, LambdaRule] = {
-        "i.i.d.": Drawn(pool, np.random.default_rng([seed, 4, 0])),
-        "Markov": Drawn(pool, np.random.default_rng([seed, 4, 1]), chain=True),
-        "mean": Fixed(float(np.average(pool["lambda"], weights=pool["count"]))),
-    }
-    numbers = np.array([STAND_INS.index(name) for name in stand_ins], dtype=float)
-    rows = [summary_table(run(settings, seed, lambda_rule=rules[name])) for name in stand_ins]
-    return {"stand_in": numbers} | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    if name == "mean":
+        rule: LambdaRule = Fixed(float(np.average(pool["lambda"], weights=pool["count"])))
+    else:
+        chain = name == "Markov"
+        rule = Drawn(pool, np.random.default_rng([seed, 4, int(chain)]), chain=chain)
+    return run(settings, seed, lambda_rule=rule)
+
+
+def numbered(column: str, runs: Mapping[int, Run]) -> Columns:
+    """Runs in one row each (`summary`), and a column with their numbers."""
+    rows = [summary_table(one) for one in runs.values()]
+    numbers = {column: np.array(list(runs), dtype=float)}
+    return numbers | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
 
 def resampled(settings: Settings, seed: int) -> Columns:
-    """Three runs, with each of STAND_INS: see `stood_in`."""
-    return stood_in(settings, seed, STAND_INS)
+    """A row for each of STAND_INS, by `stand_in`, its place there."""
+    return numbered("stand_in", {k: stand_in(name, settings, seed) for k, name in enumerate(STAND_INS)})
 
 
 def drawn_or_mean(settings: Settings, seed: int) -> Columns:
-    """Two of them, without the chain."""
-    return stood_in(settings, seed, ("i.i.d.", "mean"))
+    """The same without the chain."""
+    return numbered("stand_in", {STAND_INS.index(name): stand_in(name, settings, seed) for name in ("i.i.d.", "mean")})
 
 
-HANDFUL = ("form 2", "gate", "opposite gate", "independent draws")
+HANDFUL = ("form 2", "gate", "opposite gate", "i.i.d.")
 
 
 def handful(settings: Settings, seed: int) -> Columns:
-    """Four runs in one row each (`summary`), by `rule`, the place in HANDFUL. They share a survey, which takes the
-    camera as long as a run.
+    """A row for each of HANDFUL, by `rule`, its place there. They share a survey, which takes the camera as long as a
+    run.
     """
-    draws = Drawn(pool_of(settings.room, settings.update), np.random.default_rng([seed, 4, 0]))
-    runs = [run(settings.with_changes(lambda_rule=CORE[label]), seed) for label in HANDFUL[:3]]
-    rows = [summary_table(one) for one in (*runs, run(settings, seed, lambda_rule=draws))]
-    return {"rule": np.arange(4.0)} | {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    *rules, draws = HANDFUL
+    runs = [run(settings.with_changes(lambda_rule=CORE[rule]), seed) for rule in rules]
+    return numbered("rule", dict(enumerate((*runs, stand_in(draws, settings, seed)))))
 
 
 _FORM_2 = {"form 2": "fletcher-reeves"}
@@ -635,8 +639,7 @@ def camera(of: Any, on_atlas: Any, drawn_on_atlas: Any) -> Judged:
     late = late_with_camera(of)
     ours = late.pop("form 2")
     found = {name: compare(ours, theirs, len(late)) for name, theirs in late.items()}
-    before = against(on_atlas, ("gate", "opposite gate"), family=len(late))
-    before["independent draws"] = timing(on_atlas, drawn_on_atlas, family=len(late))["i.i.d."]
+    before = timing(on_atlas, drawn_on_atlas, family=len(late)) | against(on_atlas, HANDFUL[1:3], family=len(late))
     sides = [(side(before[name].typical, 1), side(found[name].typical, 1)) for name in found]
     decided = [pair for pair in sides if pair[0] != "open"]
     same = sum(first == then for first, then in decided)

@@ -380,10 +380,10 @@ def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any]
     if not study.measure:
         _check(path, _read_manifest(study))
     else:
-        table = arrays.get("table", np.empty(0))
-        if not _is_origin(about.get("made by")) or table.dtype.names is None or table.ndim != 1:
+        table = arrays.get("table")  # earlier versions stored each column by itself
+        arrays = arrays if table is None else {name: table[name] for name in table.dtype.names or ()}
+        if not _is_origin(about.get("made by")) or len({array.shape for array in arrays.values()}) != 1:
             raise DamagedFile(f"{path}: damaged file (no table, or not said what made it); {_REMEDY}")
-        arrays = {name: table[name] for name in table.dtype.names}
     if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
         raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
     return about, arrays
