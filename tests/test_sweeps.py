@@ -365,6 +365,23 @@ def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_un
     assert said == [(ValueError, "_ExecutorManagerThread"), (KeyError, "Thread")]
 
 
+def growing(settings, seed):
+    """A measure that keeps 400 MB from its second call on."""
+    kept.append(np.ones(50_000_000 if len(kept) == 1 else 1))
+    time.sleep(0.6)
+    return {"worker": np.array([float(os.getpid())])}
+
+
+kept = []
+
+
+def test_a_worker_that_has_grown_is_replaced_without_a_word(recwarn):
+    many = replace(STUDY, seeds=range(5), measure=growing)
+    sweep(many, workers=2)
+    assert len(load_table(many).worker.unique()) > 2
+    assert not [str(one.message) for one in recwarn]
+
+
 # What vouches for a run
 
 

@@ -13,6 +13,7 @@ from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose, room_named
+from homing_lib.sarsa import silent
 from homing_lib.settings import Settings
 from homing_lib.study.runs import Columns, by_episode
 from homing_lib.thresholds import stopping_thresholds
@@ -25,6 +26,7 @@ def episodes(settings: Settings, seed: int) -> Columns:
     return episode_table(run(settings, seed))
 
 
+@silent
 def episode_table(result: Run) -> Columns:
     """The episodes of a run as columns; of those that it did not finish, only `episode` and `diverged` are numbers."""
     home, ended, lengths = room_named(result.settings.room).home, result.ended, result.lengths

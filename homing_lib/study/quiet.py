@@ -1,4 +1,6 @@
-"""What joblib says when parallel work ends early, by an error or an interrupt: it has been said in one line already."""
+"""What joblib says of parallel work that concerns no user: how it ended early, which has been said in one line already,
+and that it replaced a worker, since the views that are kept there look like a leak.
+"""
 
 import threading
 import warnings
@@ -10,7 +12,8 @@ _before = threading.excepthook
 def quieten() -> None:
     """Leave that unsaid, from here on in this process: it may come late, when all else is done."""
     threading.excepthook = _unless_it_is_lokys
-    warnings.filterwarnings("ignore", "[0-9]+ tasks (have been successfully|which were still)", UserWarning)
+    early, replaced = "[0-9]+ tasks (have been successfully|which were still)", "A worker stopped while some jobs"
+    warnings.filterwarnings("ignore", f"{early}|{replaced}", UserWarning)
 
 
 def _unless_it_is_lokys(what: Any) -> None:
