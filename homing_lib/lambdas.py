@@ -23,13 +23,11 @@ from functools import partial
 from inspect import signature
 from math import isfinite
 from operator import mul, neg
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsFloat
 
 import numpy as np
 import numpy.typing as npt
-
-# x^T y as a plain float: some hundred components in a third of the time of x @ y, and overflow is silent.
-from scipy.linalg.blas import ddot as dot
+from scipy.linalg.blas import ddot as dot  # x^T y as a plain float, in a third of the time; overflow is silent
 
 from homing_lib.errors import nearest, shown
 
@@ -220,7 +218,7 @@ def name_of(rule: LambdaRule) -> str:
 
 def unit_interval(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it lies in [0, 1]."""
-    if not 0 <= value <= 1:
+    if not isinstance(value, SupportsFloat) or not 0 <= value <= 1:
         raise ValueError(f"{name} must lie in [0, 1], got {shown(value)}")
     return float(value)
 

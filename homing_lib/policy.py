@@ -4,7 +4,6 @@ All functions take and return plain sequences with one float per action: with th
 arrays, and as easy to read.
 """
 
-import sys
 from collections.abc import Sequence
 from math import exp
 from typing import Literal
@@ -13,7 +12,7 @@ import numpy as np
 
 Mixture = Literal["normalised", "literal", "epsilon-greedy"]
 
-_LARGEST = sys.float_info.max
+_LARGEST = float(np.finfo(float).max)
 
 
 def scaled(values: Sequence[float], *, literal: bool = False) -> list[float]:

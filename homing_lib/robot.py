@@ -16,7 +16,6 @@ from homing_lib.settings import Settings
 LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD = range(3)  # section III.D
 
 INFRARED_ANGLES_DEG = (85.0, 45.0, 10.0, -10.0, -45.0, -85.0, 160.0, -160.0)  # anticlockwise from ahead (Khepera II)
-
 FRONT_SENSORS = slice(1, 5)  # 45, 10, -10 and -45 degrees: they decide whether the way is clear
 
 

@@ -13,6 +13,8 @@ from homing_lib.errors import UserError, nearest, shown
 
 Wall = Literal["east", "north", "west", "south"]
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+_Positive = Annotated[float, Field(gt=0)]
+_Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Pose(NamedTuple):
@@ -39,7 +41,7 @@ class Texture:
     logit scale. patches: coarse cells along a side. picture: paint a sun over a horizon on top.
     """
 
-    rgb: tuple[float, float, float]
+    rgb: tuple[_Share, _Share, _Share]
     contrast: float = 0.32
     grain: float = 0.15
     patches: Annotated[int, Field(ge=1)] = 4
@@ -59,7 +61,7 @@ class _Thing:
 class Box(_Thing):
     """Upright. size: along x, along y, upwards. front: the face towards -x, where it differs (a television's)."""
 
-    size: tuple[float, float, float]
+    size: tuple[_Positive, _Positive, _Positive]
     texture: Texture
     front: Texture | None = None
 
@@ -68,8 +70,8 @@ class Box(_Thing):
 class Cone(_Thing):
     """Upright."""
 
-    radius: float
-    height: float
+    radius: _Positive
+    height: _Positive
     texture: Texture
 
 
@@ -77,7 +79,7 @@ class Cone(_Thing):
 class Ball(_Thing):
     """As high as it is wide."""
 
-    radius: float
+    radius: _Positive
     texture: Texture
 
 
@@ -88,7 +90,7 @@ class Picture:
     wall: Wall
     along: float
     height: float
-    size: tuple[float, float]
+    size: tuple[_Positive, _Positive]
     texture: Texture
 
 
@@ -101,7 +103,7 @@ class Room:
     """
 
     name: str
-    size: tuple[float, float]
+    size: tuple[_Positive, _Positive]
     home: Annotated[Pose, BeforeValidator(_in_radians)]
     start: Annotated[Pose, BeforeValidator(_in_radians)]
     floor: Texture
@@ -109,7 +111,7 @@ class Room:
     objects: tuple[Box | Cone | Ball, ...] = ()
     pictures: tuple[Picture, ...] = ()
     home_objects: tuple[str, ...] = ()
-    wall_height: float = 0.75
+    wall_height: _Positive = 0.75
     texture_seed: int = 2014
 
     def __post_init__(self) -> None:
@@ -138,6 +140,8 @@ def _described(file: Path) -> dict[str, Room]:
 
 def _problem(error: Exception) -> str:
     """What went wrong. A thing is a box, cone or ball: as what it has the fewest mistakes, an unknown name first."""
+    if isinstance(error, TypeError | AttributeError):
+        return f"must be a table, and in it walls a table, objects a list, like a room above: {error}"
     if not isinstance(error, ValidationError):
         return f"like = {error}: no room above has this name" if isinstance(error, KeyError) else str(error)
     found = error.errors()

@@ -10,7 +10,7 @@ Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row
 from math import hypot, inf, isfinite, sqrt
 from numbers import Real
 from operator import index
-from typing import Any, Literal, get_args
+from typing import Any, Literal, SupportsFloat, SupportsIndex, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,7 +109,7 @@ class LinearSarsa:
 
     @step_size.setter
     def step_size(self, alpha: float) -> None:
-        if not 0 < alpha < inf:
+        if not isinstance(alpha, SupportsFloat) or not 0 < alpha < inf:
             raise ValueError(f"step_size must be finite and greater than 0, got {shown(alpha)}")
         self._step_size = float(alpha)
 
@@ -229,8 +229,8 @@ class LinearSarsa:
         return x
 
     def _action(self, name: str, action: Any) -> int:
-        if action is None or not 0 <= action < len(self._theta):
-            raise ValueError(f"{name} must lie in 0..{len(self._theta) - 1}, got {shown(action)}")
+        if not isinstance(action, SupportsIndex) or not 0 <= index(action) < len(self._theta):
+            raise ValueError(f"{name} must be an integer in 0..{len(self._theta) - 1}, got {shown(action)}")
         return index(action)
 
 
@@ -262,8 +262,8 @@ class LinearQ(LinearSarsa):
 
 def finite(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it is finite."""
-    if not isfinite(value):
-        raise ValueError(f"{name} must be finite, got {shown(value)}")
+    if not isinstance(value, SupportsFloat) or not isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
     return float(value)
 
 

@@ -281,7 +281,7 @@ def test_the_step_size_may_change_between_steps():
         ({"discount": 1.5}, r"discount must lie in \[0, 1\], got 1.5"),
         ({"discount": -0.5}, r"discount must lie in \[0, 1\], got -0.5"),
         ({"discount": np.nan}, r"discount must lie in \[0, 1\], got nan"),
-        ({"initial_weight": np.inf}, "initial_weight must be finite, got inf"),
+        ({"initial_weight": np.inf}, "initial_weight must be a finite number, got inf"),
         ({"n": 0}, "at least 1"),
         ({"on_zero": -1}, r"on_zero must lie in \[0, 1\], got -1"),
     ],
@@ -314,7 +314,7 @@ def test_a_number_in_place_of_a_rule_is_refused_with_what_to_write():
         (([1, 2], 0, None), "phi_next must have shape"),
         (([1, np.nan], 0, [1, 2]), "phi must be finite"),
         (([1, 2], 0, [1, np.inf]), "phi_next must be finite"),
-        (([1, 2], np.nan, [1, 2]), "reward must be finite, got nan"),
+        (([1, 2], np.nan, [1, 2]), "reward must be a finite number, got nan"),
     ],
 )
 @pytest.mark.parametrize("cls", (*LEARNERS, ConjugateTD))
