@@ -8,6 +8,7 @@ from functools import cache
 from typing import get_args
 
 import numpy as np
+from tqdm import tqdm
 
 from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
@@ -109,15 +110,19 @@ def summary() -> str:
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())
     lines.append("The paper's claims, and what was asked beyond them (`homing claims` says by how much):")
-    lines += [
-        f"{one.name:<4}{one.verdict:<19}{one.claim.replace('*', '')}" for one in map(claims.judge, claims.names())
-    ]
+    lines += [f"{one.name:<4}{one.verdict:<19}{one.claim.replace('*', '')}" for one in _findings()]
     return "\n".join(lines)
+
+
+def _findings(kind: str = "CQ") -> list[claims.Finding]:
+    """Every verdict; the first time, that takes a while."""
+    names = tqdm(claims.names(kind), "verdicts", unit="verdict", delay=1, leave=False)
+    return [claims.judge(name) for name in names]
 
 
 def judged() -> str:
     """How it is judged, then every claim and question: verdict, effect and predicate, as plain text."""
-    return _paragraphs([claims.HOW, *map(claims.judge, claims.names())])
+    return _paragraphs([claims.HOW, *_findings()])
 
 
 def misprints() -> str:
@@ -136,14 +141,14 @@ def _paragraphs(of: Iterable[object]) -> str:
 
 def verdicts() -> str:
     """Which claims got which verdict: "reproduced C3, C10; ..."."""
-    found = {name: claims.judge(name).verdict for name in claims.names("C")}
+    found = {one.name: one.verdict for one in _findings("C")}
     numbers = {verdict: [name for name in found if found[name] == verdict] for verdict in get_args(claims.Verdict)}
     return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
 
 
 def counted() -> str:
     """How many claims got which verdict: "3 reproduced, 11 partly reproduced, ..."."""
-    found = [claims.judge(name).verdict for name in claims.names("C")]
+    found = [one.verdict for one in _findings("C")]
     return ", ".join(f"{found.count(one)} {one}" for one in get_args(claims.Verdict) if one in found)
 
 
@@ -218,10 +223,7 @@ _FOUND = {
 
 def _verdicts_of(kind: str) -> str:
     """Rows: name, claim or question, verdict, effect."""
-    return "\n".join(
-        row(one.name, one.claim.replace("*", ""), one.verdict, one.effect)
-        for one in map(claims.judge, claims.names(kind))
-    )
+    return "\n".join(row(one.name, one.claim.replace("*", ""), one.verdict, one.effect) for one in _findings(kind))
 
 
 def _erratum(of: errata.Erratum) -> str:
