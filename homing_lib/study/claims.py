@@ -55,12 +55,12 @@ and as that of means. Better or worse: the intervals of both lie on that side of
 Where a predicate names a k, as many comparisons are made together and each interval is that of 1 - .05/k; else it is
 not widened. What must exceed a bound, or fall short of it, must do so with its whole interval. Who may choose a step
 size or a fixed λ chooses by halves: the runs at the even and at the odd places of the list of seeds. The choice with
-the fewest steps in one half (by the IQM or by the mean, as it is judged) is judged in the other, both ways, and the two
-are put together; each bootstrap sample draws anew within the halves, and chooses anew. A claim is reproduced if its
-weak and its strong sense hold, partly if the weak one does and the strong one does not or is open, not reproduced if
-the weak one does not hold, and not shown if that is open. Whether form 2 is better than several others: yes, than each;
-partly, than some; no, than none, and comparable or worse each time; not shown, if none of these. Where a predicate has
-a rule of its own, that one counts."""
+the fewest steps in one half (by the IQM or by the mean, as it is judged) is judged in the other, both ways, and the
+runs of both are put together; each bootstrap sample draws anew within the halves, and chooses anew. A claim is
+reproduced if its weak and its strong sense hold, partly if the weak one does and the strong one does not or is open,
+not reproduced if the weak one does not hold, and not shown if that is open. Whether form 2 is better than several
+others: yes, than each; partly, than some; no, than none, and comparable or worse each time; not shown, if none of
+these. Where a predicate has a rule of its own, that one counts."""
 
 Judged = tuple[Verdict, str]
 """What a judge returns: the verdict, and the effect in words."""

@@ -127,7 +127,8 @@ def _told(label: str, found: Comparison) -> str:
 
 @claim("Q10", "does the reward matter?", REWARD, REWARD_LONG)
 def reward_matters(of: Any, long: Any) -> Judged:
-    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps (k = 3).
+    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps (k = 3),
+    here as in what stands beside it.
 
     Yes: all three are better or worse; partly: some are; no: all three are comparable; else not shown.
     """
