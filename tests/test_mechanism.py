@@ -270,6 +270,14 @@ def test_timing_matters_in_the_rooms_in_which_draws_are_worse():
     assert mechanism.rooms(*in_rooms(0), *ALL)[0] == "no"
 
 
+def test_rooms_in_which_an_interval_ends_near_1_are_named():
+    assert "knife edge in" not in mechanism.rooms(*in_rooms(6), *ALL)[1].split(";")[0]
+    of, drawn, of_rooms, rooms_drawn = in_rooms(6)
+    attic = rooms_drawn.condition.str.startswith("attic")
+    rooms_drawn["late"] = np.where(attic, 40 * np.linspace(0.95, 1.1, 12)[rooms_drawn.seed], rooms_drawn.late)
+    assert "(a knife edge in attic)" in mechanism.rooms(of, drawn, of_rooms, rooms_drawn, *ALL)[1].split(";")[0]
+
+
 def test_only_a_property_that_orders_the_rooms_as_the_effect_does_decides():
     tables = list(in_rooms(0))
     for of in (tables[1], tables[3]):
