@@ -141,7 +141,7 @@ def _described(file: Path) -> dict[str, Room]:
 def _problem(error: Exception) -> str:
     """What went wrong. A thing is a box, cone or ball: as what it has the fewest mistakes, an unknown name first."""
     if isinstance(error, TypeError | AttributeError):
-        return f"must be a table, and in it walls a table, objects a list, like a room above: {error}"
+        return f"must be a table, with walls a table, objects a list and like the name of a room above: {error}"
     if not isinstance(error, ValidationError):
         return f"like = {error}: no room above has this name" if isinstance(error, KeyError) else str(error)
     found = error.errors()

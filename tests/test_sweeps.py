@@ -365,14 +365,14 @@ def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_un
     assert said == [(ValueError, "_ExecutorManagerThread"), (KeyError, "Thread")]
 
 
+KEPT = []
+
+
 def growing(settings, seed):
-    """A measure that keeps 400 MB from its second call on."""
-    kept.append(np.ones(50_000_000 if len(kept) == 1 else 1))
+    """A measure that keeps 400 MB from its second call on, in each worker."""
+    KEPT.append(np.ones(50_000_000 if len(KEPT) == 1 else 1))
     time.sleep(0.6)
     return {"worker": np.array([float(os.getpid())])}
-
-
-kept = []
 
 
 def test_a_worker_that_has_grown_is_replaced_without_a_word(recwarn):

@@ -115,7 +115,7 @@ def summary() -> str:
 
 
 def _findings(kind: str = "CQ") -> list[claims.Finding]:
-    """Every verdict; the first time, that takes a while."""
+    """All claims (C) and questions (Q) as judged; the first time in a process, that takes most of a minute."""
     names = tqdm(claims.names(kind), "verdicts", unit="verdict", delay=1, leave=False)
     return [claims.judge(name) for name in names]
 

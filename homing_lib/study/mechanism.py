@@ -569,19 +569,19 @@ def rooms(taken: Any, drawn: Any, rooms: Any, rooms_drawn: Any, of_all: Any, dra
     """Yes: in all six form 2 is better than independent draws from its own lambdas, those of the same room and update
     (as in Q1, but for the smallest step size in the two largest rooms, with which no rule came near its best on
     calibration seeds); partly: in one or more; no: in none, and comparable or worse in each; not shown: something else
-    (k = 6, a rival's rooms; what is pooled is not widened).
+    (k = 6, the rooms).
     Judged under the paper's update. Beside it stand other rivals (the best fixed λ of {VALUES}, whichever the update),
     and what holds where all weights learn. Pooled are the ratios of IQMs, by their geometric mean, over robots, those
-    of each room drawn by themselves, the six rooms fixed.
+    of each room drawn by themselves, the six rooms fixed; these intervals are not widened.
     """
 
     def words(update: str, of: Any, drawn: Any) -> str:
         told = []
         for label, rival in IN_ROOMS.items():
             tables = rival, of, drawn, rooms, rooms_drawn, update
-            found = by_room(*tables)
-            each = [one.word for one in found.values()]
-            edges = ", ".join(room for room, one in found.items() if knife_edge(*one))
+            compared = by_room(*tables)
+            each = [one.word for one in compared.values()]
+            edges = ", ".join(room for room, one in compared.items() if knife_edge(*one))
             counts = ", ".join(f"{word} in {each.count(word)}" for word in _WORDS if word in each)
             pooled = pooled_at_best(list(late_by_room(*tables).values()), np.random.default_rng(0), iqm)
             edge = f" (a knife edge in {edges})" if edges else ""

@@ -127,10 +127,10 @@ def _told(label: str, found: Comparison) -> str:
 
 @claim("Q10", "does the reward matter?", REWARD, REWARD_LONG)
 def reward_matters(of: Any, long: Any) -> Judged:
-    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps (k = 3),
-    here as in what stands beside it.
+    """None, turned round and constant against the reward as it is, home bootstrapped, theta_0 = 1: late steps (k = 3).
 
-    Yes: all three are better or worse; partly: some are; no: all three are comparable; else not shown.
+    Yes: all three are better or worse; partly: some are; no: all three are comparable; else not shown. Beside them
+    stand total steps, and the late steps of 200 episodes, with the same k.
     """
     others = [reward for reward in REWARDS if reward != "as is"]
     found = {one: against(of, f"{one}, bootstrapped", "as is, bootstrapped", len(others)) for one in others}
