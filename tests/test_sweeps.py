@@ -365,6 +365,15 @@ def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_un
     assert said == [(ValueError, "_ExecutorManagerThread"), (KeyError, "Thread")]
 
 
+@pytest.mark.parametrize("quietly", [True, False])
+def test_what_an_early_end_left_of_semaphores_is_removed_without_a_word(quietly):
+    left = "from joblib.externals.loky.backend.resource_tracker import register\nregister('/loky-0-gone', 'semlock')"
+    quieten = "from homing_lib.study.quiet import quieten\nquieten()\n" if quietly else ""
+    ended = subprocess.run([sys.executable, "-c", quieten + left], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0
+    assert ("leaked semlock" in ended.stderr, not ended.stderr) == (not quietly, quietly)
+
+
 KEPT = []
 
 

@@ -2,11 +2,13 @@
 and that it replaced a worker, since the views that are kept there look like a leak.
 """
 
+import sys
 import threading
 import warnings
 from typing import Any
 
 _before = threading.excepthook
+_TRACKER = "ignore:resource_tracker"  # a process that inherits this, and removes what an end left of semaphores
 
 
 def quieten() -> None:
@@ -14,6 +16,8 @@ def quieten() -> None:
     threading.excepthook = _unless_it_is_lokys
     early, replaced = "[0-9]+ tasks (have been successfully|which were still)", "A worker stopped while some jobs"
     warnings.filterwarnings("ignore", f"{early}|{replaced}", UserWarning)
+    if _TRACKER not in sys.warnoptions:
+        sys.warnoptions.append(_TRACKER)
 
 
 def _unless_it_is_lokys(what: Any) -> None:
