@@ -2,16 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from homing_lib import lambdas
-from homing_lib.environment import HomingEnv, seed_of
+from homing_lib.environment import HomingEnv, seed_of, survey
 from homing_lib.errors import UserError
-from homing_lib.features import Array, similarity
+from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import LambdaRule
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa, silent
@@ -33,7 +34,7 @@ class SarsaAgent:
     """
 
     def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
-        self.settings, self._rng = settings, rng
+        self.settings, self.rng = settings, rng
         chosen = lambdas.parse(settings.lambda_rule)
         rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
@@ -41,7 +42,7 @@ class SarsaAgent:
             3,
             step_size=settings.alpha0,
             discount=settings.discount,
-            lambda_rule=overwritten(rule) if settings.overwrite_features else rule,
+            lambda_rule=Overwritten(rule) if settings.overwrite_features else rule,
             initial_weight=settings.theta0,
             clip=chosen.clip,
             on_zero=chosen.on_zero,
@@ -52,16 +53,19 @@ class SarsaAgent:
 
     def begin_episode(self, number: int) -> None:
         """Set step size, epsilon and tau for episode 1, 2, ... (eq. 23; Fig. 2: after it) and clear the traces."""
-        s = self.settings
-        rate = decrease_rate(number, s.first_episode)
-        self.learner.step_size = s.alpha0 * rate
-        self._exploring: dict[str, Any] = {"epsilon": s.epsilon0 * rate, "temperature": s.tau0 * rate}
+        self.learner.step_size, self.epsilon, self.temperature = self.rates(number)
         self.learner.begin_episode()
+
+    def rates(self, number: int) -> tuple[float, float, float]:
+        """Step size, epsilon and tau of episode 1, 2, ..."""
+        rate = decrease_rate(number, self.settings.first_episode)
+        return self.settings.alpha0 * rate, self.settings.epsilon0 * rate, self.settings.tau0 * rate
 
     def choose(self, phi: Array) -> int:
         """Draw an action from eq. (22)."""
         values = self.learner.value_list(phi)
-        return sample(action_probabilities(values, mixture=self.settings.mixture, **self._exploring), self._rng)
+        exploring: Any = {"epsilon": self.epsilon, "temperature": self.temperature, "mixture": self.settings.mixture}
+        return sample(action_probabilities(values, **exploring), self.rng)
 
     def learn(
         self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
@@ -77,14 +81,14 @@ class RandomAgent:
     """Every action with the same probability, nothing learnt: the reference."""
 
     def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
-        self._rng = rng
+        self.rng = rng
 
     def begin_episode(self, number: int) -> None:
         """Nothing to prepare."""
 
     def choose(self, phi: Array) -> int:
         """Draw an action."""
-        return int(self._rng.integers(3))
+        return int(self.rng.integers(3))
 
     def learn(self, *_: Any) -> tuple[float, float, bool, float]:
         """Nothing to learn."""
@@ -102,18 +106,37 @@ class ClimbingAgent(RandomAgent):
         """The last action if the view has come closer to the snapshot, else one of the two others."""
         seen, before = similarity(phi), self._similarity
         if seen <= before:
-            self._action = (self._action + 1 + int(self._rng.integers(2))) % 3
+            self._action = (self._action + 1 + int(self.rng.integers(2))) % 3
         self._similarity = seen
         return self._action
 
 
-Agent = SarsaAgent | RandomAgent
+class Agent(Protocol):
+    """Whoever chooses actions, and may learn: `SarsaAgent` is an example."""
+
+    def begin_episode(self, number: int) -> None: ...
+
+    def choose(self, phi: Array) -> int: ...
+
+    def learn(
+        self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
+    ) -> tuple[float, float, bool, float]: ...
+
+
 _REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": ClimbingAgent}
 
 
-def overwritten(rule: LambdaRule) -> LambdaRule:
-    """The rule as Fig. 2's last lines feed it: phi_t is overwritten before it is kept, so that phi_(t-1) is phi_t."""
-    return lambda **seen: rule(**{**seen, "phi_prev": seen["phi"]})
+@dataclass(frozen=True)
+class Overwritten:
+    """A rule as Fig. 2's last lines feed it: phi_t is overwritten before it is kept, so that phi_(t-1) is phi_t."""
+
+    rule: LambdaRule
+
+    def __call__(self, **seen: Any) -> float:
+        return self.rule(**{**seen, "phi_prev": seen["phi"]})
+
+    def __str__(self) -> str:
+        return lambdas.name_of(self.rule)
 
 
 @silent
@@ -136,6 +159,27 @@ def run_episode(
         if terminated or truncated:
             return np.array(steps, dtype=np.float64), terminated
         phi, action = phi_next, next_action
+
+
+Episodes = tuple[Array, NDArray[np.int64], NDArray[np.bool_], int]
+"""What a `Run` has of its episodes: steps, lengths, reached, diverged."""
+
+
+def run_episodes(env: HomingEnv, agent: Agent, count: int, after_episode: Callable[[int], object]) -> Episodes:
+    """Episodes 1, 2, ... count, or up to one in which the weights leave the finite numbers."""
+    episodes, reached, diverged = [np.empty((0, len(STEP_COLUMNS)))], [], 0
+    for number in range(1, count + 1):
+        agent.begin_episode(number)
+        try:
+            steps, home = run_episode(env, agent)
+        except Diverged:
+            diverged = number
+            break
+        episodes.append(steps)
+        reached.append(home)
+        after_episode(number)
+    lengths = np.array([len(steps) for steps in episodes[1:]], dtype=np.int64)
+    return np.concatenate(episodes), lengths, np.array(reached, dtype=bool), diverged
 
 
 @dataclass(frozen=True)
@@ -175,38 +219,38 @@ def run(
     seed: int,
     lambda_rule: LambdaRule | None = None,
     after_episode: Callable[[int], object] = lambda number: None,
-    afterwards: Callable[[HomingEnv, Agent], object] = lambda env, agent: None,
+    afterwards: Callable[[HomingEnv, Any], object] = lambda env, agent: None,
+    *,
+    agent: Callable[[Settings, np.random.Generator], Agent] | None = None,
+    survey: Callable[..., HomeModel] = survey,
+    episodes: Callable[..., Episodes] = run_episodes,
 ) -> Run:
     """The whole experiment, fixed to the bit by settings and seed.
 
     lambda_rule: a function of one's own in place of the settings' rule (see `lambdas`), of which the run keeps no note.
     after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
-    (not if the run diverged).
+    (not if the run diverged). agent: makes who drives, in place of the settings' controller. survey, episodes: what
+    does the work, the functions of these names or others that do the same (`study.engine`).
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
-    agent_rng = np.random.default_rng(agent_seed)
+    make = agent or partial(_controller, lambda_rule=lambda_rule)
+    if agent and lambda_rule:
+        raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
-        if settings.controller == "sarsa":
-            agent: Agent = SarsaAgent(settings, agent_rng, lambda_rule)
-        elif lambda_rule is None:
-            agent = _REFERENCES[settings.controller](settings, agent_rng)
-        else:
-            raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
+        driver = make(settings, np.random.default_rng(agent_seed))
+        env.surveyed(survey)
         env.reset(seed=int(world_seed.generate_state(1)[0]))
-        episodes, reached, diverged = [], [], 0
-        for number in range(1, settings.episodes + 1):
-            agent.begin_episode(number)
-            try:
-                steps, home = run_episode(env, agent)
-            except Diverged:
-                diverged = number
-                break
-            episodes.append(steps)
-            reached.append(home)
-            after_episode(number)
-        else:
-            afterwards(env, agent)
-    steps = np.concatenate(episodes) if episodes else np.empty((0, len(STEP_COLUMNS)))
-    lengths = np.array([len(steps) for steps in episodes], dtype=np.int64)
-    return Run(settings, seed, steps, lengths, np.array(reached, dtype=bool), diverged)
+        result = Run(settings, seed, *episodes(env, driver, settings.episodes, after_episode))
+        if not result.diverged:
+            afterwards(env, driver)
+    return result
+
+
+def _controller(settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None) -> Agent:
+    """Who drives by the setting `controller`."""
+    if settings.controller == "sarsa":
+        return SarsaAgent(settings, rng, lambda_rule)
+    if lambda_rule is None:
+        return _REFERENCES[settings.controller](settings, rng)
+    raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")

@@ -78,16 +78,17 @@ def _axis(anchor: float, length: float, spacing: float) -> tuple[int, int]:
 class Atlas:
     """Histograms, infra-red readings and clearances of one room, looked up. Build or load it with `open_atlas`.
 
-    counts: pixels in each bin, shape (positions, headings, 3 B); infrared_m: shape (positions, headings, 8);
-    clearance_m: shape (nx, ny). The positions are those where a body can nearly stand, in the order of clearance_m.
+    counts: pixels in each bin, shape (positions, headings, 3 B), and `views` the same, shape (lattice poses, 3 B);
+    infrared_m: shape (positions, headings, 8); clearance_m: shape (nx, ny). The positions are those where a body can
+    nearly stand, in the order of clearance_m; `position`, shape (nx, ny): the first lattice pose of each, or -1.
     """
 
     def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
-        self.counts, self.infrared_m, self.clearance_m = counts, infrared_m, clearance_m
-        self._views = counts.reshape(-1, counts.shape[2])
-        self._readings = infrared_m.reshape(len(self._views), -1)
-        self._pixels = int(counts[0, 0].sum()) // 3
-        position = np.full(clearance_m.shape, -1)
+        self.lattice, self.counts, self.infrared_m, self.clearance_m = lattice, counts, infrared_m, clearance_m
+        self.views = counts.reshape(-1, counts.shape[2])
+        self._readings = infrared_m.reshape(len(self.views), -1)
+        self.pixels, self.most = int(counts[0, 0].sum()) // 3, self.views.max(axis=0)  # of a channel; in each bin
+        self.position = position = np.full(clearance_m.shape, -1)
         position[clearance_m >= -lattice.margin] = np.arange(len(counts)) * lattice.headings
         # Python's own numbers and lists: for one item they are quicker than arrays.
         self._position: list[list[int]] = position.tolist()
@@ -102,8 +103,8 @@ class Atlas:
 
     def view(self, number: int) -> Array:
         """Scaled histograms of the lattice pose with this number, shape (3 B,)."""
-        view: Array = self._views[number].astype(np.float64)  # first, since dividing integers is slower
-        view /= self._pixels
+        view: Array = self.views[number].astype(np.float64)  # first, since dividing integers is slower
+        view /= self.pixels
         return view
 
     def infrared(self, pose: Pose) -> Array:

@@ -1,6 +1,6 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from math import cos, isfinite, pi, radians, sin
 from operator import index
@@ -12,7 +12,15 @@ import numpy as np
 
 from homing_lib import atlas
 from homing_lib.errors import UserError, shown
-from homing_lib.features import HomeModel, difference_variance, histogram, similarity
+from homing_lib.features import (
+    Array,
+    CountedViews,
+    HomeModel,
+    bins_per_channel,
+    difference_variance,
+    histogram,
+    similarity,
+)
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
@@ -20,7 +28,7 @@ from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[str, tuple[HomeModel, dict[int, Any]]] = {}  # and views since then, by all that they depend on
+_SURVEYS: dict[str, HomeModel] = {}  # of this process, by all that they depend on
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
@@ -50,7 +58,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     | "features"        | `Box(0, 1, (n,), float64)`            | phi (8), (12), (13); n = 3 (round(256/b) + 1) m (14) |
 
     The features compare the histograms h of the view, bin by bin, with those of the snapshot, v, both as shares of the
-    pixels (11); their mean is the similarity of the view to home. Those of an atlas are read-only.
+    pixels (11); their mean is the similarity of the view to home.
 
         phi_i = exp(-(h_i - v_i)^2 / (2 sigma_i^2))    (12)        NRB = sum of phi_i / n    (15)
 
@@ -147,7 +155,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
-        self.render_mode, self.model = render_mode, model
+        self.render_mode = render_mode
         self._sees_images, self._survey_seed = observation == "image", seed_of("survey_seed", survey_seed)
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier, settings.band)
         self._top_view: Image | None = None
@@ -156,7 +164,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.world: World
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
         self._atlas: atlas.Atlas | None = None
-        self._seen: dict[int, Any] = {}  # features and similarity, by lattice pose
         if settings.images == "camera":
             from homing_lib import arena
 
@@ -164,14 +171,37 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         else:
             open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
             self.world = self._atlas = open_one(self.room, settings)
+        self.model = model
         try:
             self.home = self._free("home", self.room.home if home is None else home)
             usual = "uniform" if settings.start == "uniform" else self.room.start
-            self._start = self._start_pose(usual if start is None else start)
+            self.start = self.start_pose(usual if start is None else start)
         except UserError:
             self.close()
             raise
         self._robot = Robot(self.world, settings, self.home)
+
+    @property
+    def model(self) -> HomeModel | None:
+        """What the robot knows of home: None until it has surveyed the room."""
+        return self._model
+
+    @model.setter
+    def model(self, model: HomeModel | None) -> None:
+        self._model = model
+        if self._atlas is not None and model is not None:
+            self.views = CountedViews(model, self._atlas.most, self._atlas.pixels)
+
+    def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
+        """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.environment.survey`."""
+        if self.model is None:
+            key = repr((self.settings.of_scope("view", "lattice", "survey"), self.room, self.home, self._survey_seed))
+            if key not in _SURVEYS:
+                rng = np.random.default_rng(self._survey_seed)
+                _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)
+            self._require_elsewhere(_SURVEYS[key])
+            self.model = _SURVEYS[key]
+        return self.model
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Put the robot at the start, drawn with the environment's generator if it is "uniform"."""
@@ -179,12 +209,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if not isinstance(options, dict | None) or {*(options or {})} - {"start"}:
             raise UserError(f"options = {shown(options)}: must be None or {{'start': ...}}")
         super().reset(seed=seed)
-        if self.model is None:
-            self.model, self._seen = self._shared_survey()
-            self._require_elsewhere(self.model)
-        if len(self._seen) > 50_000:  # some 110 MB
-            self._seen.clear()
-        start = self._start_pose(options["start"]) if options and "start" in options else self._start
+        self.surveyed()
+        start = self.start_pose(options["start"]) if options and "start" in options else self.start
         self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
         self._path = [self._robot.pose[:2]]
         self._steps, self._under_way = 0, True
@@ -246,12 +272,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         """The observation from where the robot is, and its similarity."""
         assert self.model is not None
         if self._atlas is not None:
-            number = self._atlas.nearest(self._robot.pose)
-            if number not in self._seen:
-                features = self.model.features(self._atlas.view(number))
-                features.setflags(write=False)
-                self._seen[number] = features, similarity(features)
-            return self._seen[number]
+            features = self.views.features(self._atlas.views[self._atlas.nearest(self._robot.pose)])
+            return features, similarity(features)
         image = self._arena.image(self._robot.pose)
         features = self.model.features(histogram(image, self.settings.bin_size))
         return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
@@ -260,15 +282,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         pose, reflex = self._robot.pose, -1 if self._robot.reflex is None else self._robot.reflex
         return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
-    def _shared_survey(self) -> tuple[HomeModel, dict[int, Any]]:
-        scopes = self.settings.of_scope("view", "lattice", "survey")
-        key = repr((scopes, self.room, self.home, self._survey_seed))
-        if key not in _SURVEYS:
-            for _, seen in _SURVEYS.values():  # the views of one survey fill memory enough
-                seen.clear()
-            _SURVEYS[key] = survey(self.world, self.settings, self.home, np.random.default_rng(self._survey_seed)), {}
-        return _SURVEYS[key]
-
     def _require_elsewhere(self, model: HomeModel) -> None:
         """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Mostly one tells."""
         rng = np.random.default_rng(0)
@@ -276,7 +289,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if all(similarity(model.features(view)) >= self._psi_upper for view in views):
             raise UserError("settings: every view passes for home; more light or a larger multiplier tells them apart")
 
-    def _start_pose(self, start: Any) -> Pose | Literal["uniform"]:
+    def start_pose(self, start: Any) -> Pose | Literal["uniform"]:
+        """A start as it is, once it is known to be free. Raises UserError."""
         return "uniform" if isinstance(start, str) and start == "uniform" else self._free("start", start)
 
     def _free(self, what: str, pose: Any) -> Pose:
@@ -328,20 +342,30 @@ def reward(
     return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
 
 
-def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> HomeModel:
+def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
+    """What the robot sees on `survey_steps` uniformly random actions from home, reflex included: shape (steps, 3 B)."""
+    robot, seen = (
+        Robot(world, settings, home),
+        np.empty((settings.survey_steps, 3 * bins_per_channel(settings.bin_size))),
+    )
+    for row in seen:
+        robot.act(int(rng.integers(3)), rng)
+        row[:] = world.histogram(robot.pose)
+    return seen
+
+
+def survey(
+    world: World, settings: Settings, home: Pose, rng: np.random.Generator, *, wander: Callable[..., Array] = wander
+) -> HomeModel:
     """What the robot does by itself before it learns: look at home, then drive about at random (section III.A-B, E9).
 
-    It takes the snapshots (the first facing home, further ones `snapshot_angle_deg` to either side), then makes
-    `survey_steps` uniformly random actions from there, reflex included, and estimates sigma^2 from all that it saw.
+    It takes the snapshots (the first facing home, further ones `snapshot_angle_deg` to either side), wanders, and
+    estimates sigma^2 from all that it saw.
     """
     angle = radians(settings.snapshot_angle_deg)
     turns = (0.0, angle, -angle)[: settings.snapshots]
     snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
-    robot = Robot(world, settings, home)
-    seen = np.empty((settings.survey_steps, snapshots.shape[1]))
-    for step in range(settings.survey_steps):
-        robot.act(int(rng.integers(3)), rng)
-        seen[step] = world.histogram(robot.pose)
+    seen = wander(world, settings, home, rng)
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
     how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
     return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))

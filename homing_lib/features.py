@@ -93,6 +93,39 @@ class HomeModel:
         return np.exp(difference, out=difference).ravel()
 
 
+class CountedViews:
+    """`HomeModel.features` of views that come as counts of pixels, with every exponential computed beforehand.
+
+        phi_i = values[start_i + |count_i - centre_i|]
+
+    Where one variance serves all bins, and differences of shares are exact, that of the counts decides: centre is the
+    snapshot, and all features share one table. Else each has a table of its own by its count, and centre is 0.
+
+    most: largest count of each bin that can come, shape (3 B,); pixels: of a channel of the image.
+    """
+
+    def __init__(self, model: HomeModel, most: NDArray[np.integer], pixels: int) -> None:
+        snapshots, variance = model.snapshots * pixels, model.variance
+        shared = pixels & (pixels - 1) == 0 and (snapshots == np.rint(snapshots)).all() and np.ptp(variance) == 0
+        sizes = np.full(1, pixels + 1) if shared else np.tile(most.astype(np.intp) + 1, len(snapshots))
+        start = np.cumsum(sizes) - sizes
+        share = (np.arange(sizes.sum()) - np.repeat(start, sizes)) / pixels
+        share -= 0 if shared else np.repeat(model.snapshots.ravel(), sizes)
+        share *= share
+        share *= np.repeat(-0.5 / variance.ravel()[: len(sizes)], sizes)
+        self.values: Array = np.exp(share, out=share)
+        self.start = np.resize(start, model.n_features)
+        self.centre = np.rint(snapshots).astype(np.intp).ravel() if shared else np.zeros_like(self.start)
+        self._m = len(snapshots)
+
+    def features(self, counts: NDArray[np.integer]) -> Array:
+        """phi, shape (n,), a new array. counts: pixels in each bin, shape (3 B,)."""
+        place = (counts if self._m == 1 else np.tile(counts, self._m)) - self.centre
+        np.abs(place, out=place)
+        place += self.start
+        return self.values.take(place)
+
+
 def similarity(features: Array) -> float:
     """Eq. (15), NRB: the mean of the features. 1 exactly where the view has the snapshot's histograms."""
     return float(np.add.reduce(features)) / features.size

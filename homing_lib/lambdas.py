@@ -19,10 +19,9 @@ A rule with a name, for settings and the command line, is added by `@named(...)`
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from inspect import signature
 from math import isfinite
-from operator import mul, neg
+from operator import neg
 from typing import Any, NamedTuple, SupportsFloat
 
 import numpy as np
@@ -47,15 +46,24 @@ def named(name: str) -> Callable[[LambdaRule], LambdaRule]:
     return lambda rule: RULES.update({name: rule}) or rule
 
 
+@dataclass(frozen=True)
+class Derived:
+    """What `change` makes of another rule's ratio."""
+
+    name: str
+    rule: LambdaRule
+    change: Callable[[float], float]
+
+    def __call__(self, **step: Any) -> float:
+        return self.change(self.rule(**step))
+
+    def __str__(self) -> str:
+        return self.name
+
+
 def _derived(name: str, rule: LambdaRule, change: Callable[[float], float]) -> LambdaRule:
-    """List, under a name, what `change` makes of another rule's ratio."""
-    derived: Any = partial(_changed, rule, change)
-    derived.__name__ = name
-    return named(name)(derived)
-
-
-def _changed(rule: LambdaRule, change: Callable[[float], float], **step: Any) -> float:
-    return change(rule(**step))
+    """List it under its name."""
+    return named(name)(Derived(name, rule, change))
 
 
 @named("hestenes-stiefel")
@@ -112,7 +120,7 @@ def gate(*, delta: float, delta_prev: float, **_: Any) -> float:
     return float(min(delta, delta_prev) > 0 or max(delta, delta_prev) < 0)
 
 
-_derived("gate:0.7", gate, partial(mul, 0.7))  # a fixed lambda that is cut where the TD error changes its sign
+_derived("gate:0.7", gate, lambda ratio: 0.7 * ratio)  # a fixed lambda that is cut where the TD error changes its sign
 
 
 @named("gate:opposite")
@@ -136,7 +144,7 @@ def _ratio(numerator: float, denominator: float) -> float:
     """Their quotient as a plain float. ArithmeticError where there is none: x/0, or beyond the floating-point range."""
     ratio = float(numerator) / float(denominator)
     if not isfinite(ratio):
-        raise OverflowError(f"{numerator} / {denominator}")
+        raise OverflowError("the ratio is beyond the floating-point range")
     return ratio
 
 

@@ -22,7 +22,7 @@ def scaled(values: Sequence[float], *, literal: bool = False) -> list[float]:
     negative. Otherwise it is the sum of the magnitudes: the same number wherever all values are positive, and the
     order of the values everywhere. A divisor of zero gives zeros: no preference.
     """
-    divisor = sum(values) if literal else sum(map(abs, values))
+    divisor = _total(values if literal else [abs(value) for value in values])
     return [value / divisor for value in values] if divisor else [0.0] * len(values)
 
 
@@ -33,8 +33,16 @@ def softmax(preferences: Sequence[float], temperature: float) -> list[float]:
 
 
 def _shares(weights: list[float]) -> list[float]:
-    total = sum(weights)
+    total = _total(weights)
     return [weight / total for weight in weights]
+
+
+def _total(values: Sequence[float]) -> float:
+    """One after the other; Python's `sum` rounds otherwise from version 3.12 on, and a run would not be the same."""
+    total = 0.0
+    for value in values:
+        total += value
+    return total
 
 
 def epsilon_greedy(values: Sequence[float], epsilon: float) -> list[float]:

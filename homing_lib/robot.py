@@ -84,10 +84,10 @@ class Robot:
 
     def __init__(self, world: World, settings: Settings, pose: Pose) -> None:
         self._world = world
-        self._wheel_base, self._slip = settings.wheel_base_m, settings.wheel_slip
-        self._clear_way, self._commands = settings.clear_way_m, settings.wheel_commands_m
+        self.wheel_base_m, self.slip = settings.wheel_base_m, settings.wheel_slip
+        self.clear_way_m, self.commands_m = settings.clear_way_m, settings.wheel_commands_m
         turn = radians(settings.turn_deg) * settings.wheel_base_m / 2
-        self._turns = (-turn, turn), (turn, -turn)
+        self.turns_m = (-turn, turn), (turn, -turn)
         self.place(pose)
 
     def place(self, pose: Pose) -> None:
@@ -99,14 +99,14 @@ class Robot:
         """One step. Returns the action driven, and whether the robot was at a wall: stopped, or in the reflex."""
         reflex = self.reflex
         if reflex is None:
-            left, right = self._commands[action]
+            left, right = self.commands_m[action]
         else:
-            action, (left, right) = reflex, self._turns[reflex]
-        if self._slip:
-            left, right = (way * (1 + self._slip * rng.standard_normal()) for way in (left, right))
-        self.pose, stopped = drive(self.pose, left, right, self._wheel_base, self._world.clearance)
+            action, (left, right) = reflex, self.turns_m[reflex]
+        if self.slip:
+            left, right = (way * (1 + self.slip * rng.standard_normal()) for way in (left, right))
+        self.pose, stopped = drive(self.pose, left, right, self.wheel_base_m, self._world.clearance)
         if stopped:
             self.reflex = LEFT_FORWARD if rng.random() < 0.5 else RIGHT_FORWARD
-        elif reflex is not None and min(self._world.infrared(self.pose)[FRONT_SENSORS]) >= self._clear_way:
+        elif reflex is not None and min(self._world.infrared(self.pose)[FRONT_SENSORS]) >= self.clear_way_m:
             self.reflex = None
         return action, stopped or reflex is not None

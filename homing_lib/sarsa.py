@@ -7,7 +7,7 @@ Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row
 (actions, n). TD prediction itself (`td`) is the same update with one action.
 """
 
-from math import hypot, inf, isfinite, sqrt
+from math import inf, isfinite, sqrt
 from numbers import Real
 from operator import index
 from typing import Any, Literal, SupportsFloat, SupportsIndex, get_args
@@ -216,7 +216,8 @@ class LinearSarsa:
         # A finite sum of squares bounds each change by 1e155, by which no finite weight can overflow.
         if not isfinite(squares) and not np.isfinite(self._theta).all():
             raise Diverged(self.steps, name_of(self.lambda_rule), self._step_size)
-        self.change = sqrt(squares) if isfinite(squares) else hypot(*change)
+        largest = 1.0 if isfinite(squares) else float(np.abs(change).max())
+        self.change = largest * sqrt(squares if largest == 1 else dot(change / largest, change / largest))
 
     def _features(self, name: str, phi: ArrayLike | None) -> Array:
         """The feature vector as an array of floats, or ValueError unless its shape is (n,)."""

@@ -58,6 +58,12 @@ def leftovers(folder: Path) -> list[Path]:
     return list(folder.rglob(".*.part*"))
 
 
+def place_of(study: Study, number: int) -> Path:
+    """Where the file is stored that is made as the first (0), the second (1), ..."""
+    settings, seeds = study.jobs()[number]
+    return runs.path_of(study.folder, settings, *seeds)
+
+
 @contextmanager
 def stored_in(folder: Path) -> Iterator[None]:
     """Studies are stored below this folder."""
@@ -157,7 +163,7 @@ def torment(folder: Path, kills: int, seed: int = 0) -> Counter[str]:
             done["kills"] += 1
             done[victim] += 1
             done["found in mid-write"] += bool(left)
-            state = f"{len(after)} of {len(STUDY.jobs())} runs stored" + ", one in mid-write" * bool(left)
+            state = f"{len(after)} of {len(STUDY)} runs stored" + ", one in mid-write" * bool(left)
             print(f"{number:4}. killed {victim} after {moment:.2f} s: {state}", flush=True)
             if victim == "one worker":
                 assert code == 1, errors

@@ -11,10 +11,10 @@ import pytest
 from homing_lib.agent import (
     STEP_COLUMNS,
     ClimbingAgent,
+    Overwritten,
     RandomAgent,
     Run,
     SarsaAgent,
-    overwritten,
     run,
     run_episode,
 )
@@ -25,7 +25,7 @@ from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.study import runs, studies
-from homing_lib.study.measures import Settled
+from homing_lib.study.robots import FrozenAgent
 from homing_lib.thresholds import stopping_thresholds
 
 ROOT = Path(__file__).parent.parent
@@ -200,7 +200,7 @@ def test_step_size_epsilon_and_tau_fall_together_from_episode_to_episode_by_eq_2
         agent.begin_episode(number)
         rate = decrease_rate(number, 6)
         assert agent.learner.step_size == 0.01 * rate
-        assert agent._exploring == {"epsilon": 0.5 * rate, "temperature": 0.2 * rate}
+        assert (agent.epsilon, agent.temperature) == (0.5 * rate, 0.2 * rate)
 
 
 def test_learning_at_walls_may_be_switched_off_and_then_only_those_steps_teach_nothing(short):
@@ -241,7 +241,7 @@ def test_who_does_not_learn_has_no_use_for_a_rule():
 
 def test_overwriting_the_features_shows_the_lambda_rule_this_steps_for_those_of_the_step_before():
     seen = []
-    rule = overwritten(lambda **step: seen.append(step) or 0.5)
+    rule = Overwritten(lambda **step: seen.append(step) or 0.5)
     phi, phi_prev, trace = np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([5.0, 6.0])
     assert rule(delta=1.0, phi=phi, delta_prev=2.0, phi_prev=phi_prev, trace_prev=trace, discount=0.9) == 0.5
     assert seen[0]["phi"] is seen[0]["phi_prev"] is phi
@@ -249,7 +249,7 @@ def test_overwriting_the_features_shows_the_lambda_rule_this_steps_for_those_of_
     # Form 2 by hand: 2 * |(1, 2)|^2 / (.5 * 8 * |(3, 4)|^2) = .1; overwritten, the lengths cancel: 2 / (.5 * 8)
     step = {"delta": 2.0, "phi": phi, "delta_prev": 8.0, "phi_prev": phi_prev, "trace_prev": trace, "discount": 0.5}
     assert fletcher_reeves(**step) == pytest.approx(0.1)
-    assert overwritten(fletcher_reeves)(**step) == pytest.approx(0.5)
+    assert Overwritten(fletcher_reeves)(**step) == pytest.approx(0.5)
 
 
 def test_with_features_overwritten_form_2_is_the_ratio_of_the_td_errors_in_a_whole_run(short):
@@ -305,7 +305,7 @@ def test_a_settled_agent_chooses_as_it_did_and_learns_no_more():
     agent = SarsaAgent(SHORT, np.random.default_rng(0))
     agent.begin_episode(20)
     weights, phi = agent.learner.weights.copy(), view(0.5)
-    settled = Settled(agent)
+    settled = FrozenAgent(agent)
     twin = SarsaAgent(SHORT, np.random.default_rng(0))
     twin.begin_episode(20)
     assert [settled.choose(phi) for _ in range(20)] == [twin.choose(phi) for _ in range(20)]

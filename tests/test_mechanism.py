@@ -12,7 +12,7 @@ from homing_lib.settings import Settings
 from homing_lib.study import mechanism, statistics
 from homing_lib.study.claims import Comparison
 from homing_lib.study.measures import summary
-from homing_lib.study.mechanism import ROOMS, STAND_INS, STEP_SIZES, Drawn
+from homing_lib.study.mechanism import ROOMS, STAND_INS, STEP_SIZES, ResampledLambda
 from homing_lib.study.runs import load_table
 from homing_lib.study.statistics import Interval
 
@@ -37,7 +37,7 @@ POOL = pd.DataFrame({"after": [0, 0, 0.5, 1], "lambda": [0, 0.25, 1, 0], "count"
 
 
 def drawn(chain, count=4000):
-    rule = Drawn(POOL, np.random.default_rng(0), chain=chain)
+    rule = ResampledLambda(POOL, np.random.default_rng(0), chain=chain)
     return np.array([rule(delta=np.nan, phi=None) for _ in range(count)])
 
 

@@ -13,6 +13,7 @@ from homing_lib.settings import Settings
 from homing_lib.study import opponents, probes
 from homing_lib.study.measures import TRIAL_STEPS
 from homing_lib.study.opponents import CHOSEN, CLIMBING, ROOMS
+from homing_lib.study.robots import ClimbGuidedAgent
 from homing_lib.study.runs import load_table
 
 COMPACT = Settings(images="compact")
@@ -22,7 +23,7 @@ COMPACT = Settings(images="compact")
 
 def trained(best):
     """An agent whose best action is always the same."""
-    return SimpleNamespace(learner=SimpleNamespace(weights=np.eye(3)[:, [best]]))
+    return SimpleNamespace(learner=SimpleNamespace(value_list=lambda phi: np.eye(3)[best].tolist()))
 
 
 def choices(guided, similarities):
@@ -30,18 +31,18 @@ def choices(guided, similarities):
 
 
 def test_a_guided_robot_that_never_climbs_takes_its_best_action():
-    guided = probes.Guided(trained(2), 0.0, np.random.default_rng(0))
+    guided = ClimbGuidedAgent(trained(2), 0.0, np.random.default_rng(0))
     assert choices(guided, [0.1, 0.3, 0.2]) == [2, 2, 2]
 
 
 def test_a_guided_robot_that_always_climbs_keeps_to_an_action_while_the_similarity_rises():
-    guided = probes.Guided(trained(2), 1.0, np.random.default_rng(0))
+    guided = ClimbGuidedAgent(trained(2), 1.0, np.random.default_rng(0))
     first, second, third, fourth = choices(guided, [0.1, 0.2, 0.3, 0.25])
     assert first == second == third != fourth
 
 
 def test_with_a_negative_share_it_explores_at_random():
-    guided = probes.Guided(trained(2), -0.6, np.random.default_rng(0))
+    guided = ClimbGuidedAgent(trained(2), -0.6, np.random.default_rng(0))
     counts = np.bincount(choices(guided, np.linspace(0, 1, 3000)), minlength=3) / 3000
     assert counts == pytest.approx([0.2, 0.2, 0.6], abs=0.03)
 

@@ -19,7 +19,7 @@ from homing_lib.lambdas import RULES, dot, parse
 from homing_lib.publish import page
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
-from homing_lib.study import measures
+from homing_lib.study import measures, robots
 from homing_lib.study.statistics import iqm
 from homing_lib.td import LinearTD
 
@@ -191,7 +191,7 @@ def test_a_robot_that_starts_elsewhere_or_is_kidnapped_goes_the_same_way(engine)
 
     def afterwards(env: HomingEnv, trained: agent.Agent) -> None:
         trained.begin_episode(SMALL.episodes + 1)
-        steps, _ = agent.run_episode(measures.Kidnapped(env, 8, away), trained, {"start": start})
+        steps, _ = agent.run_episode(robots.Kidnapped(env, 8, away), trained, {"start": start})
         poses.append(steps[:, :4])
 
     agent.run(SMALL, seed, afterwards=afterwards)

@@ -224,7 +224,7 @@ def test_a_sweep_refuses_a_damaged_run_and_one_of_other_settings_or_another_seed
     shutil.copy(other, path)
     line = refusal(sweep, study)
     if study.measure:
-        assert line.startswith(f"{path}: holds a run of other settings or another seed; delete it")
+        assert line.startswith(f"{path}: holds other runs than its name says; delete it")
     else:
         assert line.startswith(f"{path}: damaged file (its content is not what its manifest says); delete it")
     path.write_bytes(whole[:-100])

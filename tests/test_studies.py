@@ -18,7 +18,8 @@ from homing_lib.robot import drive
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures, runs, studies
-from homing_lib.study.measures import Kidnapped, episode_table
+from homing_lib.study.measures import episode_table
+from homing_lib.study.robots import Kidnapped
 from homing_lib.study.runs import DATA, load_table
 from tests.kills import SMALL
 

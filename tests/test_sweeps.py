@@ -18,9 +18,10 @@ import pytest
 from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
 from homing_lib.agent import run
+from homing_lib.settings import Settings
 from homing_lib.storage import packed, read_arrays
 from homing_lib.study import quiet, runs
-from homing_lib.study.runs import load_study, load_table, path_of, sweep
+from homing_lib.study.runs import load_study, load_table, sweep
 from tests import kills
 from tests.kills import (
     SMALL,
@@ -28,6 +29,7 @@ from tests.kills import (
     contents,
     end,
     leftovers,
+    place_of,
     start,
     stored_in,
     undisturbed,
@@ -125,7 +127,7 @@ def test_an_interrupt_is_answered_in_one_line_and_by_nobody_else_and_what_was_fi
     assert process.returncode == 130
     said = [line for line in errors.replace("\r", "\n").splitlines() if line and "small: runs:" not in line]
     assert said == [f"homing: interrupted; {GOES_ON}"]
-    assert len(written(here)) < len(STUDY.jobs())
+    assert len(written(here)) < len(STUDY)
     assert contents(here).items() <= whole.items()
 
 
@@ -145,13 +147,12 @@ def test_what_a_killed_process_was_writing_is_cleared_away_but_nothing_that_one_
 
 
 def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is_kept(here):
-    order = FEW.jobs()
-    place = path_of(FEW.folder, *order[3])
+    place = place_of(FEW, 3)
     FEW.folder.mkdir(parents=True)
     part = place.with_name(f".{place.stem}.{os.getpid()}.part.npz")
     part.symlink_to("/dev/full")
     assert refusal(lambda: sweep(FEW, workers=1)) == f"{place}: cannot be written (No space left on device)"
-    assert set(written(here)) == {path_of(FEW.folder, *job) for job in order[:3]}
+    assert set(written(here)) == {place_of(FEW, number) for number in range(3)}
     assert not leftovers(here)
     assert sweep(FEW, workers=1) == 3
     assert len(load_table(FEW)) == 6 * SMALL.episodes
@@ -184,24 +185,29 @@ def stored(complete, here):
     return contents(here)
 
 
-def test_a_run_that_is_damaged_in_mid_sweep_is_named_with_the_remedy_which_helps(here, monkeypatch):
-    first = path_of(FEW.folder, *FEW.jobs()[0])
-    store = runs._store
+def test_a_run_that_is_damaged_in_mid_sweep_harms_no_table_and_is_named_when_it_is_next_asked_for(
+    here, monkeypatch, stored
+):
+    shutil.rmtree(FEW.folder)
+    FEW.table.unlink()
+    first, store = place_of(FEW, 0), runs._store
 
-    def damaging(study, settings, seed, *result):
-        store(study, settings, seed, *result)
-        if seed == 2:
+    def damaging(path, *result):
+        store(path, *result)
+        if path != first:
             first.write_bytes(first.read_bytes()[:-9])
 
     with monkeypatch.context() as patch:
         patch.setattr(runs, "_store", damaging)
-        line = refusal(lambda: sweep(FEW, workers=1))
+        sweep(FEW, workers=1)
+    assert FEW.table.read_bytes() == stored[str(FEW.table.relative_to(here))]
+    FEW.table.unlink()
+    line = refusal(lambda: sweep(FEW, workers=1))
     assert line.startswith(f"{first}: damaged file (")
     assert line.endswith("); delete it, and `make data` computes it from scratch")
-    assert not FEW.table.exists()
     first.unlink()
     assert sweep(FEW, workers=1) == 1
-    assert len(load_table(FEW)) == 6 * SMALL.episodes
+    assert contents(here) == stored
 
 
 def test_a_table_that_somebody_edited_is_refused_with_the_remedy_which_helps(here, stored):
@@ -242,8 +248,7 @@ def test_a_manifest_that_does_not_vouch_for_the_table_is_not_taken_for_one_that_
 
 def test_a_complete_run_that_is_not_what_the_manifest_says_is_refused(here):
     sweep(WHOLE_RUNS, workers=1)
-    (settings, seed), *_ = WHOLE_RUNS.jobs()
-    path = path_of(WHOLE_RUNS.folder, settings, seed)
+    path = place_of(WHOLE_RUNS, 0)
     result = runs.load(path)
     runs.save(replace(result, steps=result.steps + 1), path)
     for function in (load_study, sweep):
@@ -285,6 +290,48 @@ def test_a_condition_under_two_labels_is_computed_once_and_in_the_table_twice():
     pd.testing.assert_frame_equal(one.reset_index(drop=True), other.reset_index(drop=True))
 
 
+# Blocks of seeds
+
+COMPACT = Settings(images="compact", episodes=2, survey_steps=60, max_steps=40)
+BLOCKS = replace(STUDY, conditions={"form 2": COMPACT, "random": COMPACT.with_changes(controller="random")})
+
+
+def test_runs_on_an_atlas_are_stored_ten_seeds_to_a_file_and_give_the_table_of_single_ones(here, monkeypatch):
+    study = replace(BLOCKS, seeds=range(5, 25))
+    assert sweep(study, workers=1) == len(study) == 40
+    first = COMPACT.digest
+    assert {path.name for path in written(here) if first in path.name} == {
+        f"{first}-5-9.npz",
+        f"{first}-10-19.npz",
+        f"{first}-20-24.npz",
+    }
+    table = study.table.read_bytes()
+    monkeypatch.setattr(runs, "BLOCK", 1)
+    assert sweep(study, workers=1, force=True) == 40
+    assert study.table.read_bytes() == table
+
+
+def test_runs_that_two_studies_ask_for_are_computed_once_and_anew_once_where_all_is_forced(here):
+    few, more = replace(BLOCKS, seeds=range(4)), replace(BLOCKS, name="more", seeds=range(2, 14))
+    assert sweep(few, workers=1) == 8
+    assert sweep(more, workers=1) == 24 - 4
+    stored = contents(here)
+    anew = set()
+    assert sweep(few, workers=1, force=True, anew=anew) == 8
+    assert sweep(more, workers=1, force=True, anew=anew) == 24 - 4
+    assert contents(here) == stored
+    assert sweep(more, workers=1, force=True) == 24
+
+
+def test_a_block_of_which_some_runs_are_there_is_completed(here):
+    sweep(replace(BLOCKS, seeds=[1, 4, 7]), workers=1)
+    assert sweep(replace(BLOCKS, seeds=range(8)), workers=1) == 2 * 5
+    together = BLOCKS.table.read_bytes()
+    shutil.rmtree(here)
+    sweep(replace(BLOCKS, seeds=range(8)), workers=1)
+    assert BLOCKS.table.read_bytes() == together
+
+
 # What is kept
 
 
@@ -324,7 +371,7 @@ def test_a_manifest_names_every_library_that_made_a_part_of_the_table(monkeypatc
 
 def test_a_table_begins_with_condition_and_seed_and_is_in_the_order_of_the_study(stored):
     table = load_table(FEW)
-    assert list(table) == ["condition", "seed", *FEW.measure(*FEW.jobs()[0])]
+    assert list(table) == ["condition", "seed", *FEW.measure(SMALL, 0)]
     keys = list(zip(table.condition, table.seed, table.episode, strict=True))
     assert keys == [(label, seed, episode) for label in FEW.conditions for seed in FEW.seeds for episode in (1, 2)]
     assert {str(kind) for kind in table.dtypes[2:]} == {"float32"}
@@ -397,7 +444,7 @@ def test_a_worker_that_has_grown_is_replaced_without_a_word(recwarn):
 @pytest.mark.parametrize("what", ["a column", "what made it", "its hash"])
 def test_a_single_run_that_was_altered_and_is_whole_is_computed_anew(what, here, stored):
     FEW.table.unlink()
-    path = path_of(FEW.folder, *FEW.jobs()[0])
+    path = place_of(FEW, 0)
     about, arrays = read_arrays(path)
     if what == "a column":
         arrays["table"]["steps"] *= 2
@@ -427,7 +474,7 @@ def _reversed(path):
 
 @pytest.mark.parametrize("manifest", ["missing", "of another study"])
 def test_what_no_manifest_vouches_for_is_not_read_and_is_computed_anew(manifest, here, whole_runs):
-    file, first = WHOLE_RUNS.table.with_suffix(".json"), path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0])
+    file, first = WHOLE_RUNS.table.with_suffix(".json"), place_of(WHOLE_RUNS, 0)
     _reversed(first)
     if manifest == "missing":
         file.unlink()
@@ -436,7 +483,7 @@ def test_what_no_manifest_vouches_for_is_not_read_and_is_computed_anew(manifest,
         sweep(other, workers=1)
         shutil.copy(other.table.with_suffix(".json"), file)
     assert refusal(load_study, WHOLE_RUNS).startswith(f"{first}: no manifest vouches for it; `make data` computes it")
-    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS.jobs())
+    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS)
     assert first.read_bytes() == whole_runs[str(first.relative_to(here))]
     assert json.loads(file.read_text())["made by"] == runs.MADE_BY
 
@@ -450,13 +497,13 @@ def test_what_was_not_computed_again_keeps_what_made_it(change, here, whole_runs
 
 
 def test_a_run_that_comes_out_the_same_again_keeps_what_first_made_it(here, whole_runs):
-    path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0]).unlink()
+    place_of(WHOLE_RUNS, 0).unlink()
     assert sweep(WHOLE_RUNS, workers=1) == 1
     assert contents(here) == whole_runs
 
 
 def test_a_run_that_replaces_another_is_said_to_be_made_by_this_version_too(here, whole_runs):
-    file, first = WHOLE_RUNS.table.with_suffix(".json"), path_of(WHOLE_RUNS.folder, *WHOLE_RUNS.jobs()[0])
+    file, first = WHOLE_RUNS.table.with_suffix(".json"), place_of(WHOLE_RUNS, 0)
     manifest = json.loads(file.read_text())
     manifest["sha256"][first.name] = "0" * 64
     file.write_text(json.dumps(manifest))
@@ -467,18 +514,17 @@ def test_a_run_that_replaces_another_is_said_to_be_made_by_this_version_too(here
 
 
 def test_a_sweep_of_complete_runs_that_is_stopped_keeps_those_that_it_has(here, monkeypatch):
-    store, stored = runs._store, []
+    save, saved = runs.save, []
 
     def stopped(*result):
-        if len(stored) == 2:
+        if len(saved) == 2:
             raise KeyboardInterrupt
-        stored.append(store(*result))
-        return stored[-1]
+        saved.append(save(*result))
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(runs, "_store", stopped)
+        patch.setattr(runs, "save", stopped)
         sweep(WHOLE_RUNS, workers=1)
-    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS.jobs()) - 2
+    assert sweep(WHOLE_RUNS, workers=1) == len(WHOLE_RUNS) - 2
 
 
 @pytest.mark.parametrize("content", ["[" * 100_000, '{"sha256": {}}', '{"sha256": {}, "made by": {"numpy": 1}}'])

@@ -160,8 +160,9 @@ def _settings(_: argparse.Namespace) -> None:
 def _data(options: argparse.Namespace) -> None:
     from homing_lib.study import runs, studies
 
+    anew: set[Path] = set()
     for study in studies.in_order():
-        runs.sweep(study, force=options.force)
+        runs.sweep(study, force=options.force, anew=anew)
     contents = {studies.PAGE: studies.page()}
     if options.stamp:
         contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
@@ -182,7 +183,7 @@ def _sweep(options: argparse.Namespace) -> None:
     for study in studies.in_order():
         if study.name == options.study:
             done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
-            print(f"{study.name}: {done} runs computed, {len(study.jobs())} stored")
+            print(f"{study.name}: {done} runs computed, {len(study)} stored")
             return
     like = nearest(options.study, [study.name for study in studies.in_order()])
     raise UserError(f"study {shown(options.study)}: there is none of this name; `homing studies` lists them{like}")

@@ -3,18 +3,18 @@
 from collections.abc import Iterator, Sequence
 from itertools import product
 from math import degrees, floor, pi
-from typing import Any
 
-import gymnasium
 import numpy as np
 
-from homing_lib.agent import STEP_COLUMNS, Agent, RandomAgent, Run, run, run_episode
+from homing_lib.agent import STEP_COLUMNS, Agent, Run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose, room_named
 from homing_lib.sarsa import silent
 from homing_lib.settings import Settings
+from homing_lib.study.engine import run, run_episode
+from homing_lib.study.robots import FrozenAgent, Kidnapped
 from homing_lib.study.runs import Columns, by_episode
 from homing_lib.thresholds import stopping_thresholds
 
@@ -116,7 +116,7 @@ def trials(settings: Settings, seed: int) -> Columns:
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
         rng = np.random.default_rng([seed, 2])
-        settled = Settled(agent)
+        settled = FrozenAgent(agent)
         everywhere = list(starts_everywhere(env))
         somewhere = [free_pose(env.world, env.room, rng) for _ in range(40)]
         for light in TRIAL_LIGHTS:
@@ -145,7 +145,7 @@ def abductions(settings: Settings, seed: int) -> Columns:
     rows: list[tuple[float, ...]] = []
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
-        rng, settled = np.random.default_rng([seed, 4]), Settled(agent)
+        rng, settled = np.random.default_rng([seed, 4]), FrozenAgent(agent)
         worlds = [
             HomingEnv(settings.with_changes(max_steps=cap), observation="features", model=env.model)
             for cap in (TRIAL_STEPS, TRIAL_STEPS + _KIDNAPPED_AT)
@@ -161,32 +161,6 @@ def abductions(settings: Settings, seed: int) -> Columns:
     names = ("x", "y", "heading", "begun", "begun_home", "carried", "carried_home")
     run(settings, seed, afterwards=afterwards)
     return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
-
-
-class Settled(RandomAgent):
-    """A trained agent that only drives: its last exploration, its weights as they are."""
-
-    def __init__(self, agent: Agent) -> None:
-        self.choose = agent.choose  # type: ignore[method-assign]
-
-
-class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """The same world, in which somebody carries the robot to another pose after some steps."""
-
-    def __init__(self, env: HomingEnv, after: int, pose: Pose) -> None:
-        super().__init__(env)
-        self._home_env, self._after, self._pose = env, after, pose
-
-    def reset(self, **arguments: Any) -> Any:
-        self._left = self._after
-        return super().reset(**arguments)
-
-    def step(self, action: Any) -> Any:
-        """One step; after the stated number of them the robot finds itself elsewhere before it moves."""
-        if self._left == 0:
-            self._home_env.place(self._pose)
-        self._left -= 1
-        return super().step(action)
 
 
 def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8) -> Iterator[Pose]:

@@ -5,7 +5,6 @@ Form 2 is held against lambdas that lack one thing each: drawn from its own lamb
 its size and not its sign. Each has the best of its room's step sizes (`claims.compare_at_best`).
 """
 
-from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import permutations, product
@@ -14,13 +13,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata, spearmanr
 
-from homing_lib.agent import Agent, Run, run
+from homing_lib.agent import Agent, Run
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array, similarity
 from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.study.claims import Comparison, Judged, Verdict, claim, compare, compare_at_best, whether
+from homing_lib.study.engine import run
 from homing_lib.study.measures import WINDOW, summary, summary_table
 from homing_lib.study.runs import Columns, load_table
 from homing_lib.study.statistics import iqm, knife_edge, pooled_at_best, side
@@ -221,28 +221,37 @@ HUNDRED = range(4000, 4100)
 """What seeds from 2000 and 3000 on say, with fewer step sizes, had been seen."""
 
 
-class Drawn:
+class ResampledLambda:
     """A lambda drawn from a pool, whatever the step: independently, or as a Markov chain in what kind was drawn last.
 
     pool: rows `after`, `lambda`, `count` of `POOL`.
     """
 
     def __init__(self, pool: Any, rng: np.random.Generator, *, chain: bool = False) -> None:
-        self._rng, self._after, self._of = rng, 0.0, {}
+        self._rng, self._chain, self._after, self._of = rng, chain, 0, []
         for after in (0.0, 0.5, 1.0):
             rows = pool[pool.after == after] if chain else pool
             counts = rows.groupby("lambda")["count"].sum()
-            values, share = counts.index.to_numpy(float).round(2), counts.to_numpy(float).cumsum()
-            self._of[after] = values.tolist(), (share / share[-1]).tolist() if len(share) else []
+            share = counts.to_numpy(float).cumsum()
+            self._of.append((counts.index.to_numpy(float).round(2), share / share[-1] if len(share) else share))
 
     def __call__(self, **_: Any) -> float:
-        values, share = self._of[self._after]
-        drawn = values[bisect_right(share, self._rng.random())]
-        self._after = float(kind(drawn))
-        return drawn
+        return float(self.beforehand(1)[0])
+
+    def beforehand(self, count: int) -> Array:
+        """The lambdas of the next steps, shape (count,)."""
+        uniforms = self._rng.random(count)
+        each = [np.append(one, np.nan)[np.searchsorted(share, uniforms, side="right")] for one, share in self._of]
+        if not self._chain:
+            return each[0]
+        drawn, lists = [], [one.tolist() for one in each]
+        for k in range(count):
+            drawn.append(lists[self._after][k])
+            self._after = 0 if drawn[k] == 0 else 2 if drawn[k] == 1 else 1
+        return np.array(drawn)
 
     def __str__(self) -> str:
-        return "drawn"
+        return "resampled"
 
 
 @cache
@@ -264,7 +273,7 @@ def stand_in(name: str, settings: Settings, seed: int) -> Run:
         rule: LambdaRule = Fixed(float(np.average(pool["lambda"], weights=pool["count"])))
     else:
         chain = name == "Markov"
-        rule = Drawn(pool, np.random.default_rng([seed, 4, int(chain)]), chain=chain)
+        rule = ResampledLambda(pool, np.random.default_rng([seed, 4, int(chain)]), chain=chain)
     return run(settings, seed, lambda_rule=rule)
 
 

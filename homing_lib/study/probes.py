@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import STEP_COLUMNS, Agent, RandomAgent, SarsaAgent, run, run_episode
+from homing_lib.agent import STEP_COLUMNS, Agent, SarsaAgent
 from homing_lib.environment import HomingEnv, free_pose, survey
 from homing_lib.features import Array, HomeModel, histogram, similarity
 from homing_lib.lambdas import parse
 from homing_lib.robot import Robot, wrapped
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
-from homing_lib.study.measures import TRIAL_STEPS, Settled, fewest_steps, starts_everywhere
+from homing_lib.study.engine import run, run_episode
+from homing_lib.study.measures import TRIAL_STEPS, fewest_steps, starts_everywhere
+from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent
 from homing_lib.study.runs import Columns
 from homing_lib.study.theorem import beta
 
@@ -24,35 +26,6 @@ SHARES = (0.0, 0.3, 0.5, 0.7)
 """Shares of a trial's steps at which a trained robot climbs, which `searched` tries; 0: it drives as it learnt."""
 
 USUAL = 10  # trials from the room's own start
-
-
-class Guided(RandomAgent):
-    """A trained agent that no longer learns and explores by climbing, where it explored at random while it learnt.
-
-    In a share of its steps, drawn one by one, it does what `ClimbingAgent` would: it keeps to the last action, its own
-    or the climb's, while the similarity rises, and else draws another. In the rest it takes its best action. A negative
-    share: it explores at random, for comparison.
-    """
-
-    def __init__(self, agent: SarsaAgent, share: float, rng: np.random.Generator) -> None:
-        self._weights, self._share, self._rng = agent.learner.weights, share, rng
-        self.begin_episode(1)
-
-    def begin_episode(self, number: int) -> None:
-        """Forget the last view."""
-        self._action, self._similarity = 0, float("inf")
-
-    def choose(self, phi: Array) -> int:
-        """The climb's action or the best."""
-        seen, before = similarity(phi), self._similarity
-        self._similarity = seen
-        if self._rng.random() >= abs(self._share):
-            self._action = int(np.argmax(self._weights @ phi))
-        elif self._share < 0:
-            self._action = int(self._rng.integers(3))
-        elif seen <= before:
-            self._action = (self._action + 1 + int(self._rng.integers(2))) % 3
-        return self._action
 
 
 CLIMBING = 0.7
@@ -96,11 +69,11 @@ def _placed(settings: Settings, seed: int, shares: Sequence[float]) -> Columns:
     return _columns(("share", "usual", "x", "y", "heading", "steps", "reached"), rows)
 
 
-def _driver(agent: Agent, share: float, rng: np.random.Generator) -> RandomAgent:
+def _driver(agent: Agent, share: float, rng: np.random.Generator) -> Agent:
     """Who drives the trials: an agent that learns nothing more."""
     if not isinstance(agent, SarsaAgent):
         return agent
-    return Guided(agent, share, rng) if share else Settled(agent)
+    return ClimbGuidedAgent(agent, share, rng) if share else FrozenAgent(agent)
 
 
 def where_lost(settings: Settings, seed: int) -> Columns:
@@ -116,7 +89,7 @@ def where_lost(settings: Settings, seed: int) -> Columns:
         with HomingEnv(now, observation="features", model=env.model) as world:
             world.reset(seed=seed)
             for pose in _poses_everywhere(env, seed):
-                steps, reached = run_episode(world, Settled(agent), {"start": pose})
+                steps, reached = run_episode(world, FrozenAgent(agent), {"start": pose})
                 if not reached:
                     last = steps[-100:]
                     end = last[:, :2].mean(axis=0)

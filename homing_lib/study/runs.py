@@ -1,7 +1,8 @@
 """Many runs, stored so that nothing is lost: what is there and sound is kept, what is missing is computed.
 
-One file per run, named by the hash of its settings and its seed, written beside its place and renamed: it is either
-whole or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
+One file for a block of seeds, named by the hash of its settings and by the seeds, written beside its place and renamed:
+it is either whole or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
+Studies that measure the same share these files, so that runs which two of them ask for are computed once.
 """
 
 import hashlib
@@ -44,7 +45,9 @@ from homing_lib.workers import begin_work
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
-SCRATCH = ROOT / ".build" / "runs"  # the single runs from which tables are made
+SCRATCH = ROOT / ".build" / "runs"  # the runs from which tables are made
+
+BLOCK = 10  # seeds of runs that are stored together, unless the camera makes each of them last
 
 TOLERANCE = 1e-6
 """How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
@@ -83,8 +86,10 @@ class Study:
 
     @property
     def folder(self) -> Path:
-        """Where its single runs are stored."""
-        return (SCRATCH if self.measure else DATA) / self.name
+        """Where its runs are stored: complete ones by themselves, others with all that are measured so."""
+        if self.measure is None:
+            return DATA / self.name
+        return SCRATCH / f"{self.measure.__module__.rpartition('.')[2]}.{self.measured}"
 
     @property
     def table(self) -> Path:
@@ -96,9 +101,25 @@ class Study:
         """What is kept of a run."""
         return self.measure.__name__ if self.measure else "every step"
 
-    def jobs(self) -> list[tuple[Settings, int]]:
-        """All runs, each once, those of one seed together: they share its survey."""
-        return [(settings, seed) for seed in self.seeds for settings in dict.fromkeys(self.conditions.values())]
+    def jobs(self) -> list["_Job"]:
+        """All runs, each once, by what one file holds; those of one seed near each other: they share its survey."""
+        blocks: dict[int, list[int]] = {}
+        for seed in self.seeds:
+            blocks.setdefault(seed // BLOCK, []).append(seed)
+        return [
+            (settings, (seed,) if self._alone(settings) else tuple(block))
+            for block in blocks.values()
+            for seed in block
+            for settings in dict.fromkeys(self.conditions.values())
+            if self._alone(settings) or seed == block[0]
+        ]
+
+    def _alone(self, settings: Settings) -> bool:
+        return self.measure is None or settings.images == "camera"
+
+    def __len__(self) -> int:
+        """How many runs it has."""
+        return len(self.seeds) * len(set(self.conditions.values()))
 
     def definition(self) -> dict[str, Any]:
         """What fixes the numbers of this study, as its manifest keeps it."""
@@ -131,9 +152,9 @@ def seeds_of(seeds: Any) -> Sequence[int]:
 # --- One run ------------------------------------------------------------------------------------------------------
 
 
-def path_of(folder: Path, settings: Settings, seed: int) -> Path:
-    """Where a run is stored."""
-    return folder / f"{settings.digest}-{seed}.npz"
+def path_of(folder: Path, settings: Settings, *seeds: int) -> Path:
+    """Where a run is stored, or a block of them."""
+    return folder / f"{'-'.join([settings.digest, *map(str, dict.fromkeys((seeds[0], seeds[-1])))])}.npz"
 
 
 def save(result: Run, path: Path) -> None:
@@ -192,11 +213,14 @@ imported: its files may have changed when the run ends."""
 # --- Many runs ----------------------------------------------------------------------------------------------------
 
 
-def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
+def sweep(
+    study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False, anew: set[Path] | None = None
+) -> int:
     """Compute what is missing of a study, or all of it (`force`). Returns how many runs were computed.
 
     workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. Runs
-    are kept as they finish. Raises UserError if a stored file is damaged or workers are lost.
+    are kept as they finish. anew: files that are not computed again though it is forced, since another study made them
+    just now; those made here are added. Raises UserError if a stored file is damaged or workers are lost.
     """
     if cluster == "":
         raise UserError("--cluster: the address is empty; give that of a Dask scheduler, or leave the option out")
@@ -204,26 +228,40 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
         return 0
     remove_leftovers(study.folder)
     remove_leftovers(DATA)
-    before = _read_manifest(study)
-    todo = [job for job in study.jobs() if force or not _is_sound(study, before, *job)]
+    before, anew = _read_manifest(study), anew if anew is not None else set()
+    held = _held(study, anew if force else None) if study.measure else {}
+    todo = [
+        (settings, tuple(seed for seed in seeds if (settings, seed) not in held)) for settings, seeds in study.jobs()
+    ]
+    if not study.measure:
+        todo = [job for job in todo if force or not _is_sound(study, before, *job)]
+    todo = [(settings, seeds) for settings, seeds in todo if seeds]
     client = _connect(cluster) if cluster and todo else None  # before anything changes
     if force:
         _manifest(study).unlink(missing_ok=True)  # it vouches for what is about to change
     vouched = _Vouched(study, before, todo, force)
+    count = sum(len(seeds) for _, seeds in todo)
     if todo:
         for settings in (*study.conditions.values(), *study.atlases):
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         results = _on_cluster(client, study, todo) if client else _on_cores(workers, study, todo)
-        for result in tqdm(results, total=len(todo), desc=f"{study.name}: runs", unit="run"):
-            file = _store(study, *result)
-            if not study.measure:
-                vouched.add(file, result[-1])
+        with tqdm(total=count, desc=f"{study.name}: runs", unit="run") as bar:
+            for settings, seeds, found, origin in results:
+                path = path_of(study.folder, settings, *seeds)
+                if study.measure:
+                    _store(path, study, settings, seeds, found, origin)
+                    held |= {(settings, seed): (one, origin) for seed, one in zip(seeds, found, strict=True)}
+                    anew.add(path)
+                else:
+                    save(found[0], path)
+                    vouched.add(path, origin)
+                bar.update(len(seeds))
     if study.measure:
-        vouched.origins = _write_table(study)
+        vouched.origins = _write_table(study, held)
         vouched.sha256 = {study.table.name: _sha256(study.table)}
     vouched.write()
-    return len(todo)
+    return count
 
 
 def remove_leftovers(folder: Path, of: str = "*") -> None:
@@ -234,8 +272,10 @@ def remove_leftovers(folder: Path, of: str = "*") -> None:
             part.unlink(missing_ok=True)
 
 
-_Job = tuple[Settings, int]
-_Result = tuple[Settings, int, Run | Columns, dict[str, str]]
+_Job = tuple[Settings, tuple[int, ...]]
+_Result = tuple[Settings, tuple[int, ...], list[Any], dict[str, str]]
+_Held = dict[tuple[Settings, int], tuple[Columns, dict[str, str]]]
+"""What was measured of a run, and what made it, by settings and seed."""
 
 
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
@@ -336,35 +376,53 @@ def _on_cluster(client: Any, study: Study, todo: Sequence[_Job]) -> Iterator[_Re
             raise UserError(f"--cluster {address}: workers keep dying of the same run; {RESUMES}") from None
 
 
-def _compute(measure: Measure | None, settings: Settings, seed: int) -> _Result:
-    return settings, seed, (measure or run)(settings, seed), MADE_BY
+def _compute(measure: Measure | None, settings: Settings, seeds: tuple[int, ...]) -> _Result:
+    return settings, seeds, [(measure or run)(settings, seed) for seed in seeds], MADE_BY
 
 
-def _store(study: Study, settings: Settings, seed: int, result: Run | Columns, origin: dict[str, str]) -> Path:
-    path = path_of(study.folder, settings, seed)
-    if isinstance(result, Run):
-        save(result, path)
-    else:
-        about = {"settings": settings.model_dump(), "seed": seed, "measure": study.measured, "made by": origin}
-        kinds = np.dtype([(name, column.dtype) for name, column in result.items()])
-        table = np.rec.fromarrays(list(result.values()), kinds)  # one array is read faster than ten
-        write_bytes(path, packed(about | {"sha256": _hash_of(about, result)}, {"table": table}))
-    return path
+def _store(
+    path: Path, study: Study, settings: Settings, seeds: Sequence[int], found: Sequence[Columns], origin: dict[str, str]
+) -> None:
+    about: dict[str, Any] = {"settings": settings.model_dump(), "seeds": list(seeds), "measure": study.measured}
+    about |= {"made by": origin, "rows": [len(next(iter(columns.values()))) for columns in found]}
+    # One array is read faster than ten.
+    table = np.empty(sum(about["rows"]), [(name, column.dtype) for name, column in found[0].items()])
+    for name in found[0]:
+        table[name] = np.concatenate([columns[name] for columns in found])
+    write_bytes(path, packed(about | {"sha256": _hash_of(about, {"table": table})}, {"table": table}))
 
 
-def _is_sound(study: Study, manifest: Mapping[str, Any], settings: Settings, seed: int) -> bool:
-    """Whether a run is stored, and vouched for. Raises UserError if its file is damaged, or of another.
+def _held(study: Study, only: set[Path] | None) -> _Held:
+    """What is stored of a study's runs, and sound. only: in these files. Raises UserError if one is damaged.
 
-    What no manifest vouches for, nor a hash of its own if it is a single run, might be anything: it is computed anew.
+    What a file's own hash does not vouch for might be anything: it is left out, and computed anew.
     """
-    path = path_of(study.folder, settings, seed)
-    if not path.exists() or (not study.measure and path.name not in manifest.get("sha256", {})):
+    wanted = {settings.digest: settings for settings in study.conditions.values()}
+    held: _Held = {}
+    for path in sorted(study.folder.glob("[!.]*.npz")):
+        settings = wanted.get(path.name.partition("-")[0])
+        if settings is None or (only is not None and path not in only):
+            continue
+        about, arrays = _read(path)
+        table, own = arrays.get("table"), about.pop("sha256", None)
+        if own != _hash_of(about, arrays) or about.get("measure") != study.measured:
+            continue
+        if about["settings"] != settings.model_dump() or path != path_of(study.folder, settings, *about["seeds"]):
+            raise UserError(f"{path}: holds other runs than its name says; {_REMEDY}")
+        assert table is not None
+        parts = np.split(table, np.cumsum(about["rows"])[:-1])
+        for seed, rows in zip(about["seeds"], parts, strict=True):
+            held[settings, seed] = {name: rows[name] for name in table.dtype.names}, about["made by"]
+    return held
+
+
+def _is_sound(study: Study, manifest: Mapping[str, Any], settings: Settings, seeds: Sequence[int]) -> bool:
+    """Whether a complete run is stored, and vouched for. Raises UserError if its file is damaged, or of another."""
+    path = path_of(study.folder, settings, *seeds)
+    if not path.exists() or path.name not in manifest.get("sha256", {}):
         return False
-    about, arrays = _stored(study, settings, seed)
-    if not study.measure:
-        return True
-    own = about.pop("sha256", None)  # no manifest speaks of single runs, which are not kept
-    return about.get("measure") == study.measured and own == _hash_of(about, arrays)
+    load_one(study, settings, *seeds)
+    return True
 
 
 def _hash_of(about: Mapping[str, Any], arrays: Columns) -> str:
@@ -372,21 +430,6 @@ def _hash_of(about: Mapping[str, Any], arrays: Columns) -> str:
     for name, array in sorted(arrays.items()):
         found.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
     return found.hexdigest()
-
-
-def _stored(study: Study, settings: Settings, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    path = path_of(study.folder, settings, seed)
-    about, arrays = _read(path)
-    if not study.measure:
-        _check(path, _read_manifest(study))
-    else:
-        table = arrays.get("table")  # earlier versions stored each column by itself
-        arrays = arrays if table is None else {name: table[name] for name in table.dtype.names or ()}
-        if not _is_origin(about.get("made by")) or len({array.shape for array in arrays.values()}) != 1:
-            raise DamagedFile(f"{path}: damaged file (no table, or not said what made it); {_REMEDY}")
-    if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
-        raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
-    return about, arrays
 
 
 def load_study(study: Study) -> dict[str, list[Run]]:
@@ -398,7 +441,12 @@ def load_study(study: Study) -> dict[str, list[Run]]:
 
 def load_one(study: Study, settings: Settings, seed: int) -> Run:
     """A complete run of a study. Raises UserError if it is missing, or not what its manifest vouches for."""
-    return _run(path_of(study.folder, settings, seed), *_stored(study, settings, seed))
+    path = path_of(study.folder, settings, seed)
+    about, arrays = _read(path)
+    _check(path, _read_manifest(study))
+    if (about.get("settings"), about.get("seed")) != (settings.model_dump(), seed):
+        raise UserError(f"{path}: holds a run of other settings or another seed; {_REMEDY}")
+    return _run(path, about, arrays)
 
 
 # --- Episodes -------------------------------------------------------------------------------------------------------
@@ -437,13 +485,13 @@ def load_table(study: Study) -> pd.DataFrame:
     return pd.read_parquet(io.BytesIO(read_bytes(study.table)))
 
 
-def _write_table(study: Study) -> list[dict[str, str]]:
+def _write_table(study: Study, held: _Held) -> list[dict[str, str]]:
     """Join the runs into one table, 32-bit numbers. Returns what made each run."""
     parts, origins = [], []
     for label, settings in study.conditions.items():
         for seed in study.seeds:
-            about, columns = _stored(study, settings, seed)
-            origins.append(about["made by"])
+            columns, origin = held[settings, seed]
+            origins.append(origin)
             with np.errstate(over="ignore"):  # the last numbers of a run that diverged become infinite
                 narrow = {name: values.astype(np.float32) for name, values in columns.items()}
             parts.append(pd.DataFrame({"condition": label, "seed": np.int32(seed), **narrow}))
@@ -461,7 +509,11 @@ def _manifest(study: Study) -> Path:
 
 def _files(study: Study) -> list[Path]:
     """What is committed of a study, beside its manifest."""
-    return [study.table] if study.measure else [path_of(study.folder, *job) for job in study.jobs()]
+    return (
+        [study.table]
+        if study.measure
+        else [path_of(study.folder, settings, *seeds) for settings, seeds in study.jobs()]
+    )
 
 
 def _sha256(file: Path) -> str:
@@ -504,7 +556,7 @@ class _Vouched:
         self._study, self._before = study, before
         files = {file.name for file in _files(study)}
         hashes = {name: value for name, value in before.get("sha256", {}).items() if name in files}
-        kept = hashes.keys() - {path_of(study.folder, *job).name for job in todo}
+        kept = hashes.keys() - {path_of(study.folder, settings, *seeds).name for settings, seeds in todo}
         self.sha256: dict[str, str] = {} if force else hashes
         self.origins: Sequence[Mapping[str, str]] = [before["made by"]] if kept else []
 
@@ -564,7 +616,7 @@ def compare(stored: Run, live: Run) -> str:
 
 def verify(study: Study) -> str:
     """Repeat the first run of a study live, the robot driving in PyBullet, and compare it with the stored one."""
-    (settings, seed), *_ = study.jobs()
+    (settings, (seed,)), *_ = study.jobs()
     stored = load(path_of(study.folder, settings, seed))
     with tqdm(total=settings.episodes, desc="live run: episodes", unit="episode") as bar:
         live = run(settings, seed, after_episode=lambda _: bar.update())

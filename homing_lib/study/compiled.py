@@ -1,0 +1,486 @@
+"""What `environment`, `robot`, `policy` and `sarsa` say in words, compiled: whole episodes on an atlas, some ten times
+as fast and the same to the bit (`tests/test_engine.py`). There is the text; here, line by line, its translation.
+
+All that is compiled stands in this file, for the compiler's cache is kept under the hash of its content (`engine`).
+Sums and products are made in the order in which Python and NumPy make them.
+"""
+
+from math import atan2, cos, exp, isfinite, pi, sin, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cfunc, config, njit, types
+
+OUTSIDE_M, LARGEST = -0.1, float(np.finfo(float).max)  # as in `atlas` and `policy`
+
+DONE, DIVERGED, REPEAT = range(3)
+"""How `episodes` ends: all were driven; the weights left the finite numbers; Python has to say what is wrong."""
+
+POLICY, GREEDY, RANDOM, CLIMB, GUIDED = range(5)  # who chooses: eq. (22), its best action, agents that do not learn
+MIXTURES = ("epsilon-greedy", "normalised", "literal")
+
+_vector = types.Array(types.float64, 1, "C")
+RULE = types.float64(types.float64, _vector, types.float64, _vector, _vector, types.float64)
+"""A compiled rule: delta, phi, delta_prev, phi_prev, trace_prev, discount. Not finite: it has no ratio."""
+
+_kept = bool(getattr(config, "CACHE_DIR", ""))
+_compiled = njit(cache=_kept, nogil=True, error_model="numpy")  # which divides by 0 as NumPy does
+
+
+class World(NamedTuple):
+    """An atlas (`Atlas`) and what a robot makes of its views (`CountedViews`).
+
+    views: pixels in each bin, shape (lattice poses, bins); front_m: the least of what the front sensors read there;
+    position, clearance_m: shape (nx, ny); values, start, centre: phi_i = values[start_i + |count_i - centre_i|].
+    """
+
+    views: Any
+    front_m: Any
+    position: Any
+    clearance_m: Any
+    x0: float
+    y0: float
+    heading0: float
+    per_metre: float
+    per_radian: float
+    headings: int
+    values: Any
+    start: Any
+    centre: Any
+
+
+class Body(NamedTuple):
+    """The robot. commands_m, turns_m: ways of the (left, right) wheel, shapes (3, 2) and (2, 2)."""
+
+    commands_m: Any
+    turns_m: Any
+    wheel_base_m: float
+    slip: float
+    clear_way_m: float
+
+
+class Task(NamedTuple):
+    """When an episode ends and what it pays. width, depth: of the room, metres. constant_cost: 0, if it is 1/t."""
+
+    psi_upper: float
+    psi_lower: float
+    constant_cost: float
+    approach_reward: bool
+    wall_penalty: float
+    reward_scale: float
+    terminal_bonus: float
+    max_steps: int
+    width: float
+    depth: float
+
+
+class Agent(NamedTuple):
+    """Who drives, and what it learns with.
+
+    chooser: POLICY, RANDOM, ...; mixture: place in MIXTURES; climbing: share of steps of `ClimbGuidedAgent`.
+    weights, trace: shape (3, n), changed in place; begins_with: weights of each episode, or shape (0, 0): those that
+    the one before left. lambdas: one for each time that a rule would be asked, of which the last stays; empty: ask it.
+    """
+
+    chooser: int
+    mixture: int
+    climbing: float
+    learns: bool
+    weights: Any
+    trace: Any
+    begins_with: Any
+    lambdas: Any
+    discount: float
+    clip: bool
+    on_zero: float
+    rule_is_ours: bool
+    overwrites: bool
+    all_weights: bool
+    bootstraps: bool
+    learns_at_walls: bool
+
+
+@cfunc(RULE, cache=_kept)
+def no_rule(delta: Any, phi: Any, delta_prev: Any, phi_prev: Any, trace_prev: Any, discount: Any) -> Any:
+    """Where lambdas are given."""
+    return np.nan
+
+
+# --- The world: atlas, features, robot --------------------------------------------------------------------------------
+
+
+@_compiled
+def _clearance(world: Any, x: Any, y: Any) -> Any:
+    nx, ny = world.clearance_m.shape
+    u, v = (x - world.x0) * world.per_metre, (y - world.y0) * world.per_metre
+    if not (0 <= u < nx - 1 and 0 <= v < ny - 1):
+        return OUTSIDE_M
+    i, j = int(u), int(v)
+    u, v = u - i, v - j
+    c = world.clearance_m
+    return (1 - u) * ((1 - v) * c[i, j] + v * c[i, j + 1]) + u * ((1 - v) * c[i + 1, j] + v * c[i + 1, j + 1])
+
+
+@_compiled
+def _nearest(world: Any, x: Any, y: Any, heading: Any) -> Any:
+    """The number of the nearest lattice pose; -1 where the robot cannot stand."""
+    i, j = round((x - world.x0) * world.per_metre), round((y - world.y0) * world.per_metre)
+    nx, ny = world.position.shape
+    if not (0 <= i < nx and 0 <= j < ny) or world.position[i, j] < 0:
+        return -1
+    return world.position[i, j] + round((heading - world.heading0) * world.per_radian) % world.headings
+
+
+@_compiled
+def _sum(a: Any) -> Any:
+    """NumPy's pairwise sum."""
+    n = len(a)
+    if n > 128:
+        half = n // 2
+        half -= half % 8
+        return _sum(a[:half]) + _sum(a[half:])
+    if n < 8:
+        total = 0.0
+        for value in a:
+            total += value
+        return total
+    s0, s1, s2, s3, s4, s5, s6, s7 = a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]
+    end = n - n % 8
+    for k in range(8, end, 8):
+        s0 += a[k]
+        s1 += a[k + 1]
+        s2 += a[k + 2]
+        s3 += a[k + 3]
+        s4 += a[k + 4]
+        s5 += a[k + 5]
+        s6 += a[k + 6]
+        s7 += a[k + 7]
+    total = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+    for k in range(end, n):
+        total += a[k]
+    return total
+
+
+@_compiled
+def _look(world: Any, number: Any, phi: Any) -> Any:
+    """Write the features of a lattice pose into phi, and return their mean, the similarity."""
+    view, values, start, centre = world.views[number], world.values, world.start, world.centre
+    for first in range(0, len(phi), len(view)):
+        for k in range(len(view)):
+            i = first + k
+            phi[i] = values[np.uint64(start[i] + abs(np.int32(view[k]) - centre[i]))]
+    return _sum(phi) / len(phi)
+
+
+@_compiled
+def _wrapped(angle: Any) -> Any:
+    return atan2(sin(angle), cos(angle)) if abs(angle) > pi else angle
+
+
+@_compiled
+def _arc(x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -> Any:
+    turn = (right - left) / wheel_base
+    half = turn / 2
+    chord = (left + right) / 2 * (sin(half) / half if half != 0 else 1.0)
+    direction = heading + half
+    return x + chord * cos(direction), y + chord * sin(direction), _wrapped(heading + turn)
+
+
+@_compiled
+def _drive(world: Any, x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -> Any:
+    """The pose in the end, and whether an obstacle stopped the robot."""
+    advance = abs(left + right) / 2
+    if advance == 0 or _clearance(world, x, y) > advance:
+        return _arc(x, y, heading, left, right, wheel_base), False
+    blocked = 0.0
+    for quarter in range(1, 5):
+        share = quarter / 4
+        to_x, to_y, _ = _arc(x, y, heading, share * left, share * right, wheel_base)
+        if _clearance(world, to_x, to_y) < 0:
+            blocked = share
+            break
+    if blocked == 0:
+        return _arc(x, y, heading, left, right, wheel_base), False
+    free = blocked - 0.25
+    for _ in range(10):
+        middle = (free + blocked) / 2
+        to_x, to_y, _ = _arc(x, y, heading, middle * left, middle * right, wheel_base)
+        if _clearance(world, to_x, to_y) < 0:
+            blocked = middle
+        else:
+            free = middle
+    return _arc(x, y, heading, free * left, free * right, wheel_base), True
+
+
+@_compiled
+def _act(world: Any, body: Any, pose: Any, reflex: Any, action: Any, rng: Any) -> Any:
+    """One step: the pose, the lattice pose seen from there (-1: none), action driven, reflex to come, at a wall."""
+    if reflex < 0:
+        left, right = body.commands_m[action, 0], body.commands_m[action, 1]
+    else:
+        action = reflex
+        left, right = body.turns_m[reflex, 0], body.turns_m[reflex, 1]
+    if body.slip != 0:
+        left = left * (1 + body.slip * rng.standard_normal())
+        right = right * (1 + body.slip * rng.standard_normal())
+    pose, stopped = _drive(world, pose[0], pose[1], pose[2], left, right, body.wheel_base_m)
+    number = _nearest(world, pose[0], pose[1], pose[2])
+    at_wall = stopped or reflex >= 0
+    if stopped:
+        reflex = 0 if rng.random() < 0.5 else 1
+    elif reflex >= 0 and number >= 0 and world.front_m[number] >= body.clear_way_m:
+        reflex = -1
+    return pose, number, action, reflex, at_wall
+
+
+@_compiled
+def wander(world: Any, body: Any, pose: Any, rng: Any, seen: Any) -> Any:
+    """A survey's random drive: the number of the lattice pose after each step. False: one cannot stand somewhere."""
+    reflex = -1
+    for step in range(len(seen)):
+        pose, seen[step], _, reflex, _ = _act(world, body, pose, reflex, rng.integers(0, 3), rng)
+        if seen[step] < 0:
+            return False
+    return True
+
+
+@_compiled
+def _free_pose(world: Any, task: Any, rng: Any) -> Any:
+    while True:
+        x, y = rng.uniform(0, task.width), rng.uniform(0, task.depth)
+        if _clearance(world, x, y) >= 0:
+            return x, y, rng.uniform(-pi, pi)
+
+
+# --- Choosing actions -------------------------------------------------------------------------------------------------
+
+
+@_compiled
+def _largest(values: Any) -> Any:
+    """The place of the largest, the first of equals."""
+    best = 0
+    for k in range(1, 3):
+        if values[k] > values[best]:
+            best = k
+    return best
+
+
+@_compiled
+def _probabilities(values: Any, epsilon: Any, temperature: Any, mixture: Any, shares: Any) -> None:
+    """Eq. (20)-(22)."""
+    for k in range(3):
+        shares[k] = epsilon / 3
+    shares[_largest(values)] += 1 - epsilon
+    if mixture == 0:
+        return
+    divisor = values[0] + values[1] + values[2]
+    if mixture == 1:
+        divisor = abs(values[0]) + abs(values[1]) + abs(values[2])
+    scaled = np.zeros(3)
+    if divisor != 0:
+        for k in range(3):
+            scaled[k] = values[k] / divisor
+    if mixture == 1:
+        top = scaled[_largest(scaled)]
+        for k in range(3):
+            scaled[k] = exp((scaled[k] - top) / temperature)
+        total = scaled[0] + scaled[1] + scaled[2]
+        for k in range(3):
+            shares[k] = (scaled[k] / total + shares[k]) / 2
+        return
+    top = 0.0
+    for k in range(3):
+        p = scaled[k] / temperature
+        p = -LARGEST if p < -LARGEST else p
+        p = LARGEST if p > LARGEST else p
+        scaled[k] = p
+        top = p if p > top else top
+    for k in range(3):
+        shares[k] = exp(scaled[k] - top) + shares[k] * exp(-top)
+    total = shares[0] + shares[1] + shares[2]
+    for k in range(3):
+        shares[k] = shares[k] / total
+
+
+@_compiled
+def _sample(shares: Any, rng: Any) -> Any:
+    remaining = rng.random()
+    for action in range(3):
+        remaining -= shares[action]
+        if remaining < 0:
+            return action
+    return 2
+
+
+@_compiled
+def _choose(
+    agent: Any, phi: Any, nrb: Any, before: Any, last: Any, rates: Any, rng: Any, values: Any, shares: Any
+) -> Any:
+    """An action. before, last: similarity and action of the step before, for who climbs; values: of `phi`, written."""
+    if agent.chooser == RANDOM:
+        return rng.integers(0, 3)
+    if agent.chooser == CLIMB:
+        return (last + 1 + rng.integers(0, 2)) % 3 if nrb <= before else last
+    for k in range(3):
+        values[k] = np.dot(agent.weights[k], phi)
+    if agent.chooser == GREEDY:
+        return _largest(values)
+    if agent.chooser == POLICY:
+        _probabilities(values, rates[1], rates[2], agent.mixture, shares)
+        return _sample(shares, rng)
+    if rng.random() >= abs(agent.climbing):
+        return _largest(values)
+    if agent.climbing < 0:
+        return rng.integers(0, 3)
+    return (last + 1 + rng.integers(0, 2)) % 3 if nrb <= before else last
+
+
+# --- Episodes ---------------------------------------------------------------------------------------------------------
+
+
+@_compiled
+def episodes(
+    world: Any,
+    body: Any,
+    task: Any,
+    agent: Any,
+    rule: Any,
+    starts: Any,
+    carried: Any,
+    schedule: Any,
+    agent_rng: Any,
+    world_rng: Any,
+    steps: Any,
+    lengths: Any,
+    reached: Any,
+    progress: Any,
+) -> Any:
+    """Drive the episodes from progress[0] on, as many as surely fit into `steps`. Returns DONE, DIVERGED or REPEAT.
+
+    starts: poses, shape (episodes or 1, 3), NaN: drawn anew; carried: after how many steps the robot is carried to
+    which pose, shape (4,), never if negative; schedule: step size, epsilon and temperature, shape (episodes, 3).
+    Written: steps, shape (rows, 11), `agent.STEP_COLUMNS`; lengths, reached, shape (episodes,); progress: episodes
+    that are finished, rows of `steps`, lambdas asked for so far.
+    """
+    actions, n = agent.weights.shape
+    phi, phi_next = np.empty(n), np.empty(n)
+    phi_sa, phi_prev = np.zeros(actions * n), np.zeros(actions * n)
+    change, values, shares = np.empty(actions * n), np.empty(3), np.empty(3)
+    theta, trace = agent.weights.reshape(-1), agent.trace.reshape(-1)
+    while progress[0] < len(lengths):
+        number, first = progress[0], progress[1]
+        if first + task.max_steps > len(steps):
+            return DONE
+        rates = schedule[number]
+        alpha = rates[0]
+        # What a new episode forgets: traces, the step before, the weights if it is told to.
+        if agent.learns:
+            trace[:] = 0.0
+        if agent.begins_with.size:
+            agent.weights[:] = agent.begins_with
+        delta_prev, has_before, lambda_t, clipped = 0.0, False, 0.0, 0.0
+        place = starts[number % len(starts)]
+        pose = (place[0], place[1], place[2])
+        if not isfinite(place[0]):
+            pose = _free_pose(world, task, world_rng)
+        reflex, at = -1, _nearest(world, pose[0], pose[1], pose[2])
+        if at < 0:
+            return REPEAT
+        nrb = _look(world, at, phi)
+        action = _choose(agent, phi, nrb, np.inf, 0, rates, agent_rng, values, shares)
+        last, seen = action, nrb
+        for t in range(1, task.max_steps + 1):
+            if t - 1 == carried[0]:
+                pose, reflex = (carried[1], carried[2], carried[3]), -1
+            pose, at, action, reflex, at_wall = _act(world, body, pose, reflex, action, world_rng)
+            if at < 0:
+                return REPEAT
+            before = nrb
+            nrb = _look(world, at, phi_next)
+            terminal = nrb >= task.psi_upper
+            reward = -1 / t if task.constant_cost == 0 else -task.constant_cost
+            if task.approach_reward and nrb >= task.psi_lower and before >= task.psi_lower:
+                reward += 2 * nrb - before
+            if at_wall:
+                reward -= task.wall_penalty
+            reward = task.reward_scale * reward + (task.terminal_bonus if terminal else 0.0)
+            chose = reflex < 0
+            if chose:
+                next_action = _choose(agent, phi_next, nrb, seen, last, rates, agent_rng, values, shares)
+                last, seen = next_action, nrb
+            else:
+                next_action = reflex
+            delta, lambda_told, clipped_told, length = 0.0, 0.0, 0.0, 0.0
+            if agent.learns and (agent.learns_at_walls or not at_wall):
+                q = np.dot(agent.weights[action], phi)
+                q_next = 0.0
+                if not terminal or agent.bootstraps:
+                    q_next = values[next_action] if chose else np.dot(agent.weights[next_action], phi_next)
+                delta = reward + agent.discount * q_next - q  # eq. (1)
+                phi_sa[:] = 0.0
+                phi_sa[action * n : (action + 1) * n] = phi
+                lambda_t, clipped = 0.0, 0.0
+                if has_before:  # eq. (7)
+                    if agent.lambdas.size:
+                        lambda_t = agent.lambdas[min(progress[2], agent.lambdas.size - 1)]
+                    else:
+                        earlier = phi_sa if agent.overwrites else phi_prev
+                        lambda_t = rule(delta, phi_sa, delta_prev, earlier, trace, agent.discount)
+                        if not isfinite(lambda_t):
+                            if isfinite(delta) and not agent.rule_is_ours:
+                                return REPEAT
+                            lambda_t = agent.on_zero
+                    progress[2] += 1
+                    if agent.clip and not 0 <= lambda_t <= 1:
+                        lambda_t, clipped = 0.0 if lambda_t < 0 else 1.0, 1.0
+                has_before, delta_prev = True, delta
+                factor = agent.discount * lambda_t  # eq. (17)
+                for i in range(actions * n):
+                    trace[i] = factor * trace[i]
+                for i in range(n):
+                    trace[action * n + i] += phi[i]
+                factor = alpha * delta  # eq. (18)
+                if agent.all_weights:
+                    for i in range(actions * n):
+                        change[i] = factor * trace[i]
+                        theta[i] += change[i]
+                    squares = np.dot(change, change)
+                else:
+                    for i in range(n):
+                        change[i] = factor * trace[action * n + i]
+                        agent.weights[action, i] += change[i]
+                    squares = np.dot(change[:n], change[:n])
+                lambda_told, clipped_told, length = lambda_t, clipped, sqrt(squares)
+                if not isfinite(squares):
+                    if not np.isfinite(theta).all():
+                        return DIVERGED
+                    changed = change if agent.all_weights else change[:n]
+                    largest = np.abs(changed).max()
+                    changed /= largest
+                    length = largest * sqrt(np.dot(changed, changed))
+                phi_sa, phi_prev = phi_prev, phi_sa
+            row = steps[progress[1]]
+            row[0], row[1], row[2] = pose
+            row[3], row[4], row[5] = action, reward, nrb
+            row[6], row[7], row[8], row[9], row[10] = delta, lambda_told, clipped_told, length, at_wall
+            progress[1] += 1
+            if terminal or t == task.max_steps:
+                break
+            phi, phi_next = phi_next, phi
+            action = next_action
+        lengths[number], reached[number] = progress[1] - first, terminal
+        progress[0] += 1
+    return DONE
+
+
+def warm() -> None:
+    """Compile all, or read it from the cache, on arrays of the types that will come."""
+    one, two, places = np.zeros(1), np.zeros((1, 1)), np.zeros(3, np.int64)
+    short, at = np.zeros(3, np.int32), np.zeros((1, 1), np.int64)
+    world = World(np.zeros((1, 3), np.uint16), one, at, two, 0.0, 0.0, 0.0, 1.0, 1.0, 1, one, short, short)
+    body, task = Body(two, two, 1.0, 0.0, 0.0), Task(1.0, 1.0, 0.0, False, 0.0, 1.0, 0.0, 1, 1.0, 1.0)
+    agent = Agent(0, 0, 0.0, False, two, two, two, one, 1.0, True, 0.0, True, False, False, False, False)
+    rng = np.random.default_rng(0)
+    wander(world, body, (0.0, 0.0, 0.0), rng, places[:0])
+    numbers, flags = np.zeros(0, np.int64), np.zeros(0, np.bool_)
+    episodes(world, body, task, agent, no_rule, two, one, two, rng, rng, two, numbers, flags, places)

@@ -1,0 +1,87 @@
+"""What becomes of a robot that has learnt: frozen, restored for each trial, guided by the climb, or kidnapped."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from homing_lib.agent import RandomAgent, SarsaAgent
+from homing_lib.environment import HomingEnv
+from homing_lib.features import Array, similarity
+from homing_lib.rooms import Pose
+
+
+class FrozenAgent(RandomAgent):
+    """A trained agent that only drives: its weights as they are, the exploration of its episode, or none (`greedy`)."""
+
+    def __init__(self, agent: Any, *, greedy: bool = False) -> None:
+        self.agent, self.greedy = agent, greedy
+
+    def choose(self, phi: Array) -> int:
+        """As the agent would; greedy: its best action, the first of equals."""
+        if not self.greedy:
+            return self.agent.choose(phi)
+        values = self.agent.learner.value_list(phi)
+        return values.index(max(values))
+
+
+class RestoredAgent:
+    """A learner that begins each episode with the weights that it has now: saved ones, or, as new, the initial ones."""
+
+    def __init__(self, agent: SarsaAgent) -> None:
+        self.agent, self.begins_with = agent, agent.learner.weights.copy()
+        self.choose, self.learn = agent.choose, agent.learn
+
+    def begin_episode(self, number: int) -> None:
+        """Back to those weights; the rates are those of the episode."""
+        self.agent.begin_episode(number)
+        self.agent.learner.weights[:] = self.begins_with
+
+
+class ClimbGuidedAgent(RandomAgent):
+    """A trained agent that no longer learns and explores by climbing, where it explored at random while it learnt.
+
+    In a share of its steps, drawn one by one, it does what `ClimbingAgent` would: it keeps to the last action, its own
+    or the climb's, while the similarity rises, and else draws another. In the rest it takes its best action. A negative
+    share: it explores at random, for comparison.
+    """
+
+    def __init__(self, agent: SarsaAgent, share: float, rng: np.random.Generator) -> None:
+        self.agent, self.share, self.rng = agent, share, rng
+        self.begin_episode(1)
+
+    def begin_episode(self, number: int) -> None:
+        """Forget the last view."""
+        self._action, self._similarity = 0, float("inf")
+
+    def choose(self, phi: Array) -> int:
+        """The climb's action or the best."""
+        seen, before = similarity(phi), self._similarity
+        self._similarity = seen
+        if self.rng.random() >= abs(self.share):
+            values = self.agent.learner.value_list(phi)
+            self._action = values.index(max(values))
+        elif self.share < 0:
+            self._action = int(self.rng.integers(3))
+        elif seen <= before:
+            self._action = (self._action + 1 + int(self.rng.integers(2))) % 3
+        return self._action
+
+
+class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The same world, in which somebody carries the robot to another pose after some steps."""
+
+    def __init__(self, env: HomingEnv, after: int, pose: Pose) -> None:
+        super().__init__(env)
+        self.home_env, self.after, self.pose = env, after, pose
+
+    def reset(self, **arguments: Any) -> Any:
+        self._left = self.after
+        return super().reset(**arguments)
+
+    def step(self, action: Any) -> Any:
+        """One step; after the stated number of them the robot finds itself elsewhere before it moves."""
+        if self._left == 0:
+            self.home_env.place(self.pose)
+        self._left -= 1
+        return super().step(action)
