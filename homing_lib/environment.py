@@ -195,7 +195,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
         """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.environment.survey`."""
         if self.model is None:
-            key = repr((self.settings.of_scope("view", "lattice", "survey"), self.room, self.home, self._survey_seed))
+            scopes = self.settings.of_scope("view", "lattice", "survey")
+            key = repr((scopes, self.room.description, self.home, self._survey_seed))
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
                 _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)

@@ -36,9 +36,3 @@ def test_imports_point_downwards_only(source):
         return
     own = FLOOR[here.parts[0] if len(here.parts) > 1 else ""]
     assert [name for name in imported(source) if floor(name) > own] == []
-
-
-def test_a_file_of_the_model_fits_on_a_wall_and_the_model_too():
-    lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in HOUSE.glob("*.py")}
-    assert {name for name, count in lines.items() if count > 300} <= {"environment.py"}
-    assert sum(lines.values()) <= 2600

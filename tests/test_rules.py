@@ -28,26 +28,61 @@ def test_the_verdict_is_on_the_last_five_episodes_seed_by_seed_against_the_first
         "same": "comparable",
     }
     assert found.verdicts["twice"].typical == (2, 2, 2)
-    header, _, *rows = str(found).splitlines()
-    assert header == "| rule | steps, last 5 episodes | as a multiple of a | |"
-    assert rows[0] == "| a | 20.0 | 1 | |"
-    assert rows[1].startswith("| twice | 40.0 | 2.00 [2.00, 2.00]") and rows[1].endswith("| worse |")
+
+
+def test_the_table_says_of_each_column_whether_it_is_of_the_mean_or_of_the_typical_robot():
+    first = np.array([[9, 10], [9, 10], [9, 10], [9, 50]])
+    header, _, *rows = str(rules.Rules({"a": first, "twice": 2 * first})).splitlines()
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in (header, *rows)]
+    assert cells[0][1:3] == ["steps of the last 5 episodes: mean", "typical (IQM)"]
+    assert cells[0][3:] == ["as a multiple of a: mean", "typical (IQM)", "verdict"]
+    assert cells[1] == ["a", "14.5", "9.5", "1", "1", ""]  # means of 9.5 three times and 29.5: the middle half is 9.5
+    assert cells[2] == ["twice", "29.0", "19.0", "2.00 [2.00, 2.00]", "2.00 [2.00, 2.00]", "worse"]
+
+
+def test_the_first_few_seeds_are_what_they_alone_would_say():
+    few = rules.compare({"a": Fixed(0.5), "b": Fixed(0)}, range(2), TINY)
+    more = rules.compare({"a": Fixed(0.5), "b": Fixed(0)}, range(4), TINY)
+    assert str(more.of_first(2)) == str(few)
+
+
+def test_one_robot_is_refused_since_it_says_nothing_of_how_robots_differ():
+    with pytest.raises(
+        UserError, match=r"^seeds = \[3\]: one robot says nothing of how robots differ; give two or more$"
+    ):
+        rules.compare({"form 2": fletcher_reeves}, [3], TINY)
+
+
+def test_a_comparison_is_stopped_by_ctrl_c():
+    def interrupts(**_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rules.compare({"a": Fixed(0), "interrupts": interrupts}, range(1000), TINY)
+
+
+def test_a_mistake_in_a_rule_is_told_whoever_runs_it():
+    def text(*, delta, **_):
+        return "0.5"
+
+    with pytest.raises(ValueError, match=r"^lambda rule text returned '0.5'; a lambda rule is a function"):
+        rules.compare({"form 2": fletcher_reeves, "text": text}, range(4), TINY)
 
 
 def test_a_run_that_diverges_counts_as_the_step_cap():
     wild = TINY.with_changes(alpha0=1e9, theta0=1e9, lambda_rule="fixed:1", discount=1)
-    steps = rules.compare({"one": Fixed(1)}, [0], wild).steps["one"]
-    assert steps.shape == (1, 6) and (steps == 60).all()
+    steps = rules.compare({"one": Fixed(1)}, [0, 1], wild).steps["one"]
+    assert steps.shape == (2, 6) and (steps == 60).all()
 
 
 def test_what_is_no_rule_is_refused_in_one_line():
     with pytest.raises(TypeError, match="a lambda rule is a function of the keywords"):
-        rules.compare({"half": 0.5}, [0], TINY)
+        rules.compare({"half": 0.5}, [0, 1], TINY)
 
 
 def test_before_any_run_all_rules_and_seeds_are_looked_at_and_the_label_named(monkeypatch):
     monkeypatch.setattr(rules, "run", None)
     with pytest.raises(TypeError, match=r"^half: lambda_rule = 0.5: "):
-        rules.compare({"form 2": fletcher_reeves, "half": 0.5}, [0], TINY)
+        rules.compare({"form 2": fletcher_reeves, "half": 0.5}, [0, 1], TINY)
     with pytest.raises(UserError, match=r"^seeds = 3: must be a list or range of 0, 1, 2, ...$"):
         rules.compare({"form 2": fletcher_reeves}, 3, TINY)

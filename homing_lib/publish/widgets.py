@@ -13,11 +13,10 @@ import numpy as np
 from IPython.display import display
 from matplotlib.figure import Figure
 
-from homing_lib import agent
 from homing_lib.publish import figures, plots
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.study import walk
+from homing_lib.study import engine, walk
 
 RULES = {
     "fixed": "fixed λ",
@@ -95,7 +94,7 @@ def on_the_walk(rule: str, lambda_: float, step_size: float) -> Figure:
 def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
     """Five episodes of one run of the robot: its ways home on the compact atlas."""
     settings = Settings(images="compact", lambda_rule=setting(rule, lambda_), alpha0=step_size)
-    run = agent.run(settings, seed=1)
+    run = engine.run(settings, seed=1)
     ways = []
     for number in (1, 2, 5, 10, 20):
         if number <= len(run.lengths):

@@ -25,6 +25,7 @@ RULE = types.float64(types.float64, _vector, types.float64, _vector, _vector, ty
 
 _kept = bool(getattr(config, "CACHE_DIR", ""))
 _compiled = njit(cache=_kept, nogil=True, error_model="numpy")  # which divides by 0 as NumPy does
+_inlined = njit(nogil=True, error_model="numpy", inline="always")
 
 
 class World(NamedTuple):
@@ -161,7 +162,7 @@ def _sum(a: Any) -> Any:
     return total
 
 
-@_compiled
+@_inlined
 def _look(world: Any, number: Any, phi: Any) -> Any:
     """Write the features of a lattice pose into phi, and return their mean, the similarity."""
     view, values, start, centre = world.views[number], world.values, world.start, world.centre
@@ -186,7 +187,7 @@ def _arc(x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -
     return x + chord * cos(direction), y + chord * sin(direction), _wrapped(heading + turn)
 
 
-@_compiled
+@_inlined
 def _drive(world: Any, x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -> Any:
     """The pose in the end, and whether an obstacle stopped the robot."""
     advance = abs(left + right) / 2
@@ -212,7 +213,7 @@ def _drive(world: Any, x: Any, y: Any, heading: Any, left: Any, right: Any, whee
     return _arc(x, y, heading, free * left, free * right, wheel_base), True
 
 
-@_compiled
+@_inlined
 def _act(world: Any, body: Any, pose: Any, reflex: Any, action: Any, rng: Any) -> Any:
     """One step: the pose, the lattice pose seen from there (-1: none), action driven, reflex to come, at a wall."""
     if reflex < 0:
@@ -312,7 +313,7 @@ def _sample(shares: Any, rng: Any) -> Any:
     return 2
 
 
-@_compiled
+@_inlined
 def _choose(
     agent: Any, phi: Any, nrb: Any, before: Any, last: Any, rates: Any, rng: Any, values: Any, shares: Any
 ) -> Any:

@@ -17,9 +17,11 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -28,6 +30,7 @@ import numpy as np
 import platformdirs
 from scipy.linalg.blas import ddot
 from tqdm import tqdm
+from tqdm.contrib.concurrent import thread_map
 
 from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
@@ -49,8 +52,8 @@ _NEVER = np.array([-1.0, 0.0, 0.0, 0.0])
 _COLUMNS = len(in_python.STEP_COLUMNS)
 
 
-class _Repeat(Exception):
-    """The run is one for Python."""
+class ForPython(Exception):
+    """Not for the compiled code: it is no such run, or something goes wrong in it, and Python has to say what."""
 
 
 # --- The door ---------------------------------------------------------------------------------------------------------
@@ -58,29 +61,33 @@ class _Repeat(Exception):
 
 def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
     """`agent.run`, with all that it takes, some ten times as fast where it can be compiled."""
-    if settings.images == "camera" or _load() is None:
-        return in_python.run(settings, seed, lambda_rule, **how)
     try:
         if lambda_rule is None or _agrees(lambda_rule, settings, seed):
-            return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
-    except _Repeat:
+            return run_compiled(settings, seed, lambda_rule, **how)
+    except ForPython:
         pass
     return in_python.run(settings, seed, lambda_rule, **how)
+
+
+def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
+    """The same, or ForPython."""
+    if settings.images == "camera" or _load() is None:
+        raise ForPython
+    return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
 
 
 _AGREES: dict[Any, bool] = {}
 
 
 def _agrees(rule: LambdaRule, settings: Settings, seed: int) -> bool:
-    """Whether a rule of one's own computes the same compiled: its first run is made twice. Raises _Repeat."""
-    if not isinstance(rule, FunctionType) or any(rule is one for one in RULES.values()):
+    """Whether a rule of one's own computes the same compiled: its first run is made twice. Raises ForPython."""
+    if not isinstance(rule, FunctionType) or rule in RULES.values():
         return True
     key = _key(rule)
     with _lock:
         if key not in _AGREES:
-            one = in_python.run(settings, seed, rule)
-            other = in_python.run(settings, seed, rule, survey=_survey, episodes=_episodes)
-            _AGREES[key] = one.steps.tobytes() == other.steps.tobytes()
+            compiled, told = run_compiled(settings, seed, rule), in_python.run(settings, seed, rule)
+            _AGREES[key] = compiled.steps.tobytes() == told.steps.tobytes()
     return _AGREES[key]
 
 
@@ -101,17 +108,26 @@ def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> 
         steps, _, reached, diverged = _driven(world, agent, [rates], start, carried)
         if not diverged:
             return steps, bool(reached[0])
-    except _Repeat:
+    except ForPython:
         pass
     _restore(before)
     return in_python.run_episode(env, agent, options)
 
 
+def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: Iterable[LambdaRule]) -> list[Any]:
+    """What a function says of each seed, with progress; it makes runs with these rules. On a thread per core where all
+    of them can be compiled, for then it computes outside of Python most of the time; else one after the other.
+    """
+    threads = os.cpu_count() if all(map(compiles, rules)) else 1
+    found: list[Any] = thread_map(function, seeds, max_workers=threads, desc="seeds", unit="seed", tqdm_class=tqdm)
+    return found
+
+
 def compiles(lambda_rule: LambdaRule) -> bool:
     """Whether runs with this rule can be compiled on this machine."""
     try:
-        return _load() is not None and _rule(lambda_rule, 1) is not None
-    except _Repeat:
+        return _load() is not None and _rule(lambda_rule, 0) is not None
+    except ForPython:
         return False
 
 
@@ -123,18 +139,21 @@ def _sarsa(agent: Any) -> SarsaAgent | None:
 
 def _state(world: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
     """All that an episode changes, and how it is now."""
-    sarsa = _sarsa(agent)
+    sarsa, rule = _sarsa(agent), _plain_rule(agent)
     generators = [getattr(one, name, None) for one, name in ((world, "np_random"), (agent, "rng"), (sarsa, "rng"))]
     arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
-    return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
+    found = [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
+    return found + ([(rule, deepcopy(vars(rule)))] if hasattr(rule, "beforehand") else [])
 
 
 def _restore(before: list[tuple[Any, Any]]) -> None:
     for one, state in before:
         if isinstance(one, np.ndarray):
             one[:] = state
-        else:
+        elif isinstance(one, np.random.Generator):
             one.bit_generator.state = state
+        else:
+            vars(one).update(state)
 
 
 # --- What the compiled code is given ----------------------------------------------------------------------------------
@@ -144,7 +163,7 @@ def _wander(world: Any, settings: Settings, home: Pose, rng: np.random.Generator
     """`environment.wander` on an atlas."""
     compiled, seen = _load(), np.empty(settings.survey_steps, np.int64)
     if not compiled.wander(_world(world), _body(world, settings, home), tuple(home), rng, seen):
-        raise _Repeat
+        raise ForPython
     views: Array = world.views[seen].astype(np.float64)
     views /= world.pixels
     return views
@@ -166,7 +185,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
 
 
 def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
-    """Episodes, one for each row of the schedule, from a start (a pose, or "uniform"). Raises _Repeat."""
+    """Episodes, one for each row of the schedule, from a start (a pose, or "uniform"). Raises ForPython."""
     compiled, s, count = _load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
     atlas: Any = env.world
@@ -184,7 +203,9 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
         )
         blocks.append(block[: lengths[driven : progress[0]].sum()].copy())
     if ended == compiled.REPEAT:
-        raise _Repeat
+        raise ForPython
+    if beforehand := getattr(_plain_rule(agent), "beforehand", None):
+        beforehand(int(progress[2]))
     done = progress[0]
     return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if ended == compiled.DIVERGED else 0)
 
@@ -237,7 +258,7 @@ _KNOWN = (SarsaAgent, FrozenAgent, RestoredAgent, ClimbGuidedAgent)
 
 
 def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.random.Generator]:
-    """Who drives, its rule and its generator. Raises _Repeat for an agent that is not known here."""
+    """Who drives, its rule and its generator. Raises ForPython for an agent that is not known here."""
     compiled, kind = _load(), type(agent)
     nobody = np.empty((0, 0))
     given: dict[str, Any] = {"chooser": compiled.RANDOM, "mixture": 0, "climbing": 0.0, "learns": False}
@@ -249,7 +270,7 @@ def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.rand
         return compiled.Agent(**given), compiled.no_rule, agent.rng
     sarsa = _sarsa(agent)
     if not sarsa or kind not in _KNOWN or type(sarsa.learner) is not LinearSarsa:
-        raise _Repeat
+        raise ForPython
     learner, rng, rule = sarsa.learner, sarsa.rng, compiled.no_rule
     given |= {"chooser": compiled.POLICY, "weights": learner.weights}
     given["mixture"] = compiled.MIXTURES.index(sarsa.settings.mixture)
@@ -260,7 +281,7 @@ def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.rand
         given["chooser"] = compiled.GREEDY if agent.greedy else compiled.POLICY
     else:
         if learner.traces != "accumulating":
-            raise _Repeat
+            raise ForPython
         found = _rule(learner.lambda_rule, episodes * env.settings.max_steps)
         rule, given["lambdas"], given["rule_is_ours"], given["overwrites"] = found
         given |= {"learns": True, "trace": learner.trace, "discount": float(learner.discount)}
@@ -282,8 +303,15 @@ class _Rule(NamedTuple):
     overwrites: bool
 
 
+def _plain_rule(agent: Any) -> Any:
+    """The rule by which an agent learns, if it does; as it is, also where features are overwritten."""
+    sarsa = _sarsa(agent)
+    rule = sarsa.learner.lambda_rule if sarsa and type(agent) in (SarsaAgent, RestoredAgent) else None
+    return rule.rule if isinstance(rule, Overwritten) else rule
+
+
 def _rule(rule: LambdaRule, most: int) -> _Rule:
-    """A rule for the compiled code. most: as often it may be asked. Raises _Repeat for one that cannot be compiled."""
+    """A rule for the compiled code. most: as often it may be asked. Raises ForPython where it cannot be compiled."""
     compiled = _load()
     overwrites = isinstance(rule, Overwritten)
     if isinstance(rule, Overwritten):
@@ -292,8 +320,9 @@ def _rule(rule: LambdaRule, most: int) -> _Rule:
         return _Rule(compiled.no_rule, np.array([rule.value]), True, overwrites)
     if hasattr(rule, "beforehand"):
         if most > _MOST_LAMBDAS:
-            raise _Repeat
-        return _Rule(compiled.no_rule, rule.beforehand(most), True, overwrites)
+            raise ForPython
+        # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
+        return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), True, overwrites)
     return _Rule(_function(rule), _NEVER[:0], any(rule is one for one in RULES.values()), overwrites)
 
 
@@ -318,7 +347,7 @@ def _function(rule: Any) -> Any:
             except Exception:  # numba raises what it likes
                 _FUNCTIONS[key] = None
     if _FUNCTIONS[key] is None:
-        raise _Repeat
+        raise ForPython
     return _FUNCTIONS[key]
 
 
@@ -326,7 +355,7 @@ def _key(rule: Any) -> Any:
     try:
         return _content(rule)
     except _Uncompilable:
-        raise _Repeat from None
+        raise ForPython from None
 
 
 class _Uncompilable(Exception):
@@ -356,9 +385,15 @@ def _adapted(rule: Any) -> Any:
         return cfunc(compiled.RULE)(names["adapter"])
 
 
-_BUILTINS = (abs, min, max, float, int, bool, len, range, pow)
+_BUILTINS = (abs, min, max, float, int, bool, len, range)
 _ERRORS = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "ValueError", "Exception")
-_UNLIKE = ("random",)  # numba's numbers come from a generator of its own
+_UNLIKE = (
+    "random",
+    "pow",
+    "power",
+    "exp",
+    "log",
+)  # their numbers differ, by chance or in the last bit, as those of ** do
 _ODD = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
 
 
@@ -372,6 +407,8 @@ def _names(code: CodeType) -> tuple[str, ...]:
     for step in dis.get_instructions(code):
         names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
         if any(name in (*keywords, *_UNLIKE) for name in names) or step.opname in ("STORE_GLOBAL", "STORE_DEREF"):
+            raise _Uncompilable
+        if step.argrepr in ("**", "**="):
             raise _Uncompilable
     return tuple({step.argval: 0 for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"})
 
@@ -451,6 +488,9 @@ def _loaded() -> ModuleType | None:
         config.CACHE_DIR = str(place / "numba" / key) if place else ""
         sys.modules.pop(name, None)
         try:
+            if place:  # tried here, since numba would choose another place without a word
+                Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
+                TemporaryFile(dir=config.CACHE_DIR).close()
             compiled = importlib.import_module(name)
             compiled.warm()
         except Exception as error:

@@ -239,7 +239,7 @@ class ResampledLambda:
         return float(self.beforehand(1)[0])
 
     def beforehand(self, count: int) -> Array:
-        """The lambdas of the next steps, shape (count,)."""
+        """The lambdas of the next steps, shape (count,), which are drawn with this."""
         uniforms = self._rng.random(count)
         each = [np.append(one, np.nan)[np.searchsorted(share, uniforms, side="right")] for one, share in self._of]
         if not self._chain:

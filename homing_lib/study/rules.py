@@ -6,16 +6,19 @@ question for a study (`lambda-map`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from tqdm import tqdm
+import numpy as np
 
-from homing_lib.agent import run
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import LambdaRule, checked
 from homing_lib.settings import Settings
 from homing_lib.study import claims
+from homing_lib.study.engine import run, side_by_side
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode, seeds_of
+from homing_lib.study.statistics import iqm
 
 
 @dataclass(frozen=True)
@@ -24,19 +27,28 @@ class Rules:
 
     steps: Mapping[str, Array]
 
-    @property
+    @cached_property
     def verdicts(self) -> dict[str, claims.Comparison]:
         """Steps of the last episodes as a multiple of the first rule's, seed by seed; its `.word` is the verdict."""
         late = {label: steps[:, -WINDOW:].mean(axis=1) for label, steps in self.steps.items()}
         first, *others = late
         return {label: claims.compare(late[label], late[first]) for label in others}
 
+    def of_first(self, count: int) -> "Rules":
+        """What the first few seeds alone would say."""
+        return Rules({label: steps[:count] for label, steps in self.steps.items()})
+
     def __str__(self) -> str:
-        verdicts, first = self.verdicts, next(iter(self.steps))
-        rows = [f"| rule | steps, last {WINDOW} episodes | as a multiple of {first} | |", "|---|---|---|---|"]
+        first, *_ = self.steps
+        rows = [
+            f"| rule | steps of the last {WINDOW} episodes: mean | typical (IQM) "
+            f"| as a multiple of {first}: mean | typical (IQM) | verdict |",
+            "|---|---|---|---|---|---|",
+        ]
         for label, steps in self.steps.items():
-            told = f"{verdicts[label]:.2f} | {verdicts[label].word}" if label in verdicts else "1 |"
-            rows.append(f"| {label} | {steps[:, -WINDOW:].mean():.1f} | {told} |")
+            late, against = steps[:, -WINDOW:].mean(axis=1), self.verdicts.get(label)
+            ratios = f"{against.mean:.2f} | {against.typical:.2f} | {against.word}" if against else "1 | 1 |"
+            rows.append(f"| {label} | {late.mean():.1f} | {iqm(late):.1f} | {ratios} |")
         return "\n".join(rows)
 
 
@@ -44,16 +56,20 @@ def compare(rules: Mapping[str, LambdaRule], seeds: Sequence[int], settings: Set
     """Run every rule with every seed. settings: by default the paper's robot on the compact atlas.
 
     A run that diverges counts as `max_steps` steps in each episode that it did not finish. Before any run, raises
-    UserError for what are no seeds, and TypeError that names the label for what is no rule.
+    UserError for what are no seeds, or only one, and TypeError that names the label for what is no rule.
     """
     settings = settings or Settings(images="compact")
     seeds = seeds_of(seeds)
+    if len(seeds) < 2:
+        raise UserError(f"seeds = {shown(seeds)}: one robot says nothing of how robots differ; give two or more")
     for label, rule in rules.items():
         try:
             checked(rule)
         except TypeError as error:
             raise TypeError(f"{label}: {error}") from None
-    jobs = [(label, seed) for label in rules for seed in seeds]
-    runs = [run(settings, seed, lambda_rule=rules[label]) for label, seed in tqdm(jobs, "runs", unit="run")]
-    steps = by_episode(runs).reshape(len(rules), len(seeds), -1)
-    return Rules(dict(zip(rules, steps, strict=True)))
+
+    def of_seed(seed: int) -> Array:
+        return by_episode([run(settings, seed, rule) for rule in rules.values()])
+
+    found = np.array(side_by_side(of_seed, seeds, rules.values()))
+    return Rules({label: found[:, k] for k, label in enumerate(rules)})

@@ -1,0 +1,381 @@
+"""The engine: whole runs compiled, the same to the bit as in Python, and served by Python where they cannot be."""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from statistics import median
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import homing_lib
+from homing_lib import agent, lambdas
+from homing_lib.agent import SarsaAgent, run_episode
+from homing_lib.environment import HomingEnv
+from homing_lib.features import CountedViews, HomeModel
+from homing_lib.lambdas import fletcher_reeves
+from homing_lib.settings import Settings
+from homing_lib.study import engine, rules
+from homing_lib.study.robots import FrozenAgent, RestoredAgent
+from tests import parity
+
+compiled = pytest.importorskip("homing_lib.study.compiled", reason="needs numba")
+
+HOUSE = Path(homing_lib.__file__).parent
+SOURCE = (HOUSE / "study" / "compiled.py").read_text(encoding="utf-8")
+TINY = Settings(images="compact", episodes=2, survey_steps=60, max_steps=80)
+
+
+def same(one, other):
+    return one.steps.tobytes() == other.steps.tobytes() and one.lengths.tolist() == other.lengths.tolist()
+
+
+# Parity
+
+
+@pytest.fixture(scope="module")
+def atlases(tmp_path_factory):
+    """Settings of small atlases with all kinds of views."""
+    with parity.coarse_atlases(tmp_path_factory.mktemp("atlases"), random.Random(0), 6) as found:
+        yield found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hundred_runs_drawn_by_chance_are_in_all_they_leave_behind_those_of_python(seed, atlases):
+    """The long campaign: `python -m tests.parity`."""
+    rng = random.Random(seed)
+    assert [case for case in (parity.draw(rng, atlases) for _ in range(100)) if parity.differ(case)] == []
+
+
+def test_the_cases_draw_every_setting_and_their_runs_are_long(atlases):
+    rng = random.Random(0)
+    cases = [parity.draw(rng, atlases) for _ in range(100)]
+    seen = () if atlases else parity.SEEN
+    for name in Settings.model_fields:
+        if name != "traces" and name not in seen:
+            assert len({getattr(case.settings, name) for case in cases}) > 1, name
+    lengths = [parity.told(case, engine.run, engine.run_episode).get("count", 0) for case in cases[:40]]
+    assert median(lengths) >= 200
+
+
+def interpreted(source):
+    """The compiled code without its compiler: slow, and quickly changed."""
+    module = ModuleType("homing_lib.study.compiled")
+    module.__file__ = compiled.__file__
+    plain = source.replace("cache=_kept", "cache=False").replace("@_compiled\n", "").replace("@_inlined\n", "")
+    sys.modules[module.__name__], before = module, sys.modules[module.__name__]
+    try:
+        exec(plain, module.__dict__)
+    finally:
+        sys.modules[module.__name__] = before
+    return module
+
+
+FAULTS = {
+    "none": ("", ""),
+    "a broken sign": ("agent.discount * q_next - q", "agent.discount * q_next + q"),
+    "a lost clip": ("if agent.clip and not", "if not agent.clip and not"),
+    "a swapped stream": ("reflex, action, world_rng)", "reflex, action, agent_rng)"),
+    "an episode that remembers the one before": ("0.0, False, 0.0, 0.0", "0.0, number > 0, 0.0, 0.0"),
+    "the features of the step before": ("earlier = phi_sa if", "earlier = phi_prev if"),
+    "a bound one too low": ("range(1, task.max_steps + 1)", "range(1, task.max_steps)"),
+    "a penalty that is paid": ("reward -= task.wall_penalty", "reward += task.wall_penalty"),
+    "the other order of a sum": ("((s0 + s1) + (s2 + s3))", "(((s0 + s1) + s2) + s3)"),
+    "a reflex to the other side": ("0 if rng.random() < 0.5 else 1", "1 if rng.random() < 0.5 else 0"),
+}
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_in_the_compiled_code_is_found_by_the_cases(fault, monkeypatch):
+    old, new = FAULTS[fault]
+    assert old in SOURCE
+    module = interpreted(SOURCE.replace(old, new, 1))
+    monkeypatch.setattr(engine, "_load", lambda: module)
+    few = TINY.with_changes(survey_steps=10, max_steps=60, wall_penalty=3, overwrite_features=True)
+    standard = {"update": "all", "lambda_rule": "fletcher-reeves:unclipped", "overwrite_features": False}
+    changes: tuple[dict[str, Any], ...] = ({}, standard, {"lambda_rule": "fixed:0.7"})
+    cases = [parity.Case(few.with_changes(**one), 3, None, False) for one in changes]
+    assert any(map(parity.differ, cases)) == (fault != "none")
+
+
+def test_a_run_longer_than_one_call_of_the_compiled_code_is_the_same(monkeypatch):
+    whole = engine.run(TINY, 0)
+    monkeypatch.setattr(engine, "_ROWS", 1)
+    assert same(engine.run(TINY, 0), whole)
+
+
+# Features from a table
+
+
+@pytest.mark.parametrize(
+    ("pixels", "variance", "tables"), [(16, (0.1, 0.1, 0.1), 1), (16, (0.1, 0.2, 0.1), 3), (9, (0.1,) * 3, 3)]
+)
+def test_counted_views_have_the_features_of_their_shares_to_the_bit(pixels, variance, tables):
+    counts = np.array([3, 0, 5], dtype=np.uint16)
+    model = HomeModel(np.array([[2, 1, 6]]) / pixels, np.array([variance]))
+    views = CountedViews(model, np.array([4, 3, 7]), pixels)
+    assert views.features(counts).tobytes() == model.features(counts / pixels).tobytes()
+    assert len(set(views.start.tolist())) == tables
+
+
+def test_what_an_environment_observes_is_a_new_array_each_time():
+    with HomingEnv(TINY, observation="features") as env:
+        first, _ = env.reset(seed=0)
+        kept = first.copy()
+        first += 1
+        np.testing.assert_array_equal(env.reset(seed=0)[0], kept)
+
+
+# Rules
+
+
+def halved(factor):
+    return lambda *, delta, delta_prev, **_: factor if delta * delta_prev > 0 else 0.0
+
+
+def counting():
+    count = 0
+
+    def rule(**_):
+        nonlocal count
+        count += 1
+        return 1 / count
+
+    return rule
+
+
+def remembering(*, delta, _seen=[], **_):  # noqa: B006, which is its point
+    _seen.append(delta)
+    return 0.5
+
+
+def powers(*, delta, **_):
+    return min(1.0, abs(delta) ** 0.5)
+
+
+def of_a_dictionary(**seen):
+    return 0.5 if seen["delta"] > 0 else 0.0
+
+
+def calling(*, delta, phi, delta_prev, phi_prev, discount, **_):
+    return max(0.0, fletcher_reeves(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, discount=discount))
+
+
+def with_a_default(*, delta, size=0.25, **_):
+    return size * (delta > 0)
+
+
+def guarded(*, delta, delta_prev, **_):
+    try:
+        return delta / delta_prev
+    except ZeroDivisionError:
+        return 0.0
+
+
+class Halved:
+    def __call__(self, **_):
+        return 0.5
+
+
+@pytest.mark.parametrize("rule", [*lambdas.RULES.values(), lambdas.Fixed(0.3), halved(0.5), calling, with_a_default])
+def test_rules_that_depend_on_the_step_alone_are_compiled(rule):
+    assert engine.compiles(rule)
+    assert same(engine.run(TINY, 1, rule), agent.run(TINY, 1, rule))
+
+
+@pytest.mark.parametrize("rule", [counting(), remembering, powers, of_a_dictionary, Halved(), np.sign])
+def test_rules_that_keep_a_state_or_are_no_plain_functions_are_for_python(rule):
+    assert not engine.compiles(rule)
+
+
+@pytest.mark.parametrize("make", [counting, lambda: powers, lambda: of_a_dictionary, Halved, lambda: guarded])
+def test_a_rule_gives_the_same_run_whoever_runs_it(make):
+    assert same(engine.run(TINY, 1, make()), agent.run(TINY, 1, make()))
+
+
+FACTOR = 0.5
+
+
+def of_a_constant(*, delta, **_):
+    return FACTOR if delta > 0 else 0.0
+
+
+def test_a_constant_that_was_changed_between_two_runs_is_the_new_one(monkeypatch):
+    before = engine.run(TINY, 1, of_a_constant)
+    monkeypatch.setitem(globals(), "FACTOR", 0.125)
+    after = engine.run(TINY, 1, of_a_constant)
+    assert set(np.unique(before.column("lambda"))) == {0, 0.5}
+    assert set(np.unique(after.column("lambda"))) == {0, 0.125}
+    assert set(np.unique(engine.run(TINY, 1, halved(0.75)).column("lambda"))) <= {0, 0.75}
+
+
+def summed(*, phi, **_):
+    return np.sum(phi * 0.1) % 1.0
+
+
+def test_a_rule_that_computes_otherwise_when_compiled_is_found_out_by_its_first_run_and_left_to_python():
+    assert engine.compiles(summed)
+    assert not same(engine.run_compiled(TINY, 1, summed), agent.run(TINY, 1, summed))
+    assert same(engine.run(TINY, 1, summed), agent.run(TINY, 1, summed))
+
+
+def late_mistake(*, delta, phi, **_):
+    return 0.5 if phi[0] < 2 and abs(delta) < 3 else np.nan
+
+
+def divides(*, delta, **_):
+    return float(np.float64(1.0) / (delta - delta))
+
+
+@pytest.mark.parametrize("rule", [late_mistake, divides, lambda **_: "0.5", lambda *, delta, **_: delta.real + "x"])
+def test_a_mistake_in_a_rule_is_told_as_python_tells_it(rule):
+    with pytest.raises(Exception) as told:
+        agent.run(TINY, 1, rule)
+    with pytest.raises(type(told.value)) as ours:
+        engine.run(TINY, 1, rule)
+    assert str(ours.value) == str(told.value)
+
+
+def test_a_trial_in_which_a_rule_fails_leaves_robot_and_chance_as_python_does():
+    left = []
+    for run, episode in ((engine.run, engine.run_episode), (agent.run, run_episode)):
+
+        def afterwards(env, driver, episode=episode):
+            driver.learner.lambda_rule = late_mistake
+            driver.begin_episode(3)
+            with pytest.raises(ValueError, match="returned nan"):
+                episode(env, driver)
+            left.append((driver.learner.weights.tobytes(), driver.rng.bit_generator.state, env.np_random.random()))
+
+        run(TINY, 1, afterwards=afterwards)
+    assert left[0] == left[1]
+
+
+# Who drives
+
+
+def test_a_forgetful_robot_begins_every_episode_with_its_first_weights():
+    def forgetful(*made):
+        return RestoredAgent(SarsaAgent(*made))
+
+    kept = []
+    for run in (agent.run, engine.run):
+        result = run(TINY, 1, agent=forgetful, afterwards=lambda env, driver: kept.append(driver.begins_with))
+        first, second = (result.episode(number)[0] for number in (1, 2))
+        assert result.steps.tobytes() == agent.run(TINY, 1, agent=forgetful).steps.tobytes()
+        assert first[5] == second[5]
+    assert (kept[0] == TINY.theta0).all()
+
+
+def test_a_greedy_robot_always_takes_its_best_action_and_learns_nothing():
+    def afterwards(env, driver):
+        before = driver.learner.weights.copy()
+        for episode in (engine.run_episode, run_episode):
+            steps, _ = episode(env, FrozenAgent(driver, greedy=True))
+            assert not steps[:, 6:10].any()
+            taken.append(steps.tobytes())
+        np.testing.assert_array_equal(driver.learner.weights, before)
+
+    taken = []
+    engine.run(TINY, 1, afterwards=afterwards)
+    assert taken[0] == taken[1]
+
+
+def test_an_agent_that_nobody_knows_is_for_python():
+    class Mine(SarsaAgent):
+        def choose(self, phi):
+            return 2
+
+    with pytest.raises(engine.ForPython):
+        engine.run_compiled(TINY, 1, agent=Mine)
+    assert (engine.run(TINY, 1, agent=Mine).column("action") == 2).mean() > 0.5
+
+
+def test_progress_is_told_of_every_episode_and_a_run_that_diverges_says_where():
+    told = []
+    engine.run(TINY, 1, after_episode=told.append)
+    assert told == [1, 2]
+    wild = TINY.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9)
+    assert engine.run(wild, 1).diverged == agent.run(wild, 1).diverged == 1
+
+
+# The compiler: missing, or nowhere to keep what it made
+
+
+SMALL_ENGINE = """
+from numba import cfunc, config, njit
+KEPT = bool(config.CACHE_DIR)
+@njit(cache=KEPT)
+def number():
+    return 1
+def warm():
+    number()
+"""
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """The library elsewhere, with next to nothing to be compiled; call it to ask in a new process what that returns."""
+    shutil.copytree(HOUSE, tmp_path / "homing_lib", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "STUDIES.md").touch()
+    source = tmp_path / "homing_lib" / "study" / "compiled.py"
+    source.write_text(SMALL_ENGINE, encoding="utf-8")
+
+    def ask(program="from homing_lib.study import engine; print(engine._load().number(), engine._load().KEPT)", **env):
+        environment = {name: value for name, value in os.environ.items() if name != "HOMING_ENGINE_SAID"}
+        environment |= {"HOME": str(tmp_path / "home"), "PYTHONPATH": str(tmp_path)} | env
+        asked = [sys.executable, "-c", program]
+        done = subprocess.run(asked, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        return done.stdout.split(), done.stderr.splitlines(), done.returncode
+
+    ask.folder, ask.source = tmp_path, source
+    return ask
+
+
+def test_a_changed_engine_is_compiled_anew_though_its_file_seems_as_old_and_as_long(copy):
+    assert copy() == (["1", "True"], [], 0)
+    before = copy.source.stat()
+    copy.source.write_text(SMALL_ENGINE.replace("return 1", "return 2"), encoding="utf-8")
+    os.utime(copy.source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert copy.source.stat().st_size == before.st_size
+    assert copy() == (["2", "True"], [], 0)
+    assert len(list((copy.folder / ".build" / "numba").iterdir())) == 2
+
+
+def test_where_the_checkout_cannot_be_written_the_users_folder_keeps_what_is_compiled_and_else_nothing_does(copy):
+    (copy.folder / ".build").touch()  # a file, in which there can be no folder
+    assert copy() == (["1", "True"], [], 0)
+    assert list((copy.folder / "home").rglob("*.nbi"))
+    found, said, code = copy(HOME=os.devnull, XDG_CACHE_HOME=os.devnull)
+    assert (found, code) == (["1", "False"], 0)
+    assert len(said) == 1 and said[0].startswith("homing: compiled code can be kept nowhere (")
+
+
+@pytest.mark.parametrize("broken", ["missing", "the engine"])
+def test_without_a_compiler_all_is_the_same_and_slower_and_that_is_said_once(copy, broken):
+    if broken == "the engine":
+        copy.source.write_text("raise RuntimeError('no such machine')", encoding="utf-8")
+    found, said, code = copy(
+        f"import sys; sys.modules.update({{'numba': None}} if {broken == 'missing'} else {{}})\n"
+        "from homing_lib.settings import Settings\nfrom homing_lib.study import rules\n"
+        "from homing_lib.lambdas import Fixed\n"
+        f"tiny = Settings(**{TINY.model_dump()!r})\n"
+        "for _ in range(2):\n    print(rules.compare({'a': Fixed(0.5)}, [3, 4], tiny).steps['a'].sum())"
+    )
+    expected = rules.compare({"a": lambdas.Fixed(0.5)}, [3, 4], TINY).steps["a"].sum()
+    assert (found, code) == ([str(expected)] * 2, 0)
+    told = [line for line in said if line.startswith("homing: ")]
+    assert len(told) == 1 and told[0].endswith("runs take ten times as long; their results are the same")
+
+
+def test_the_users_own_settings_of_the_compiler_stay_as_they_are(copy, tmp_path):
+    program = "import numba; from homing_lib.study import engine; engine._load(); print(numba.config.CACHE_DIR)"
+    assert copy(program, NUMBA_CACHE_DIR=str(tmp_path / "theirs")) == ([str(tmp_path / "theirs")], [], 0)
+    assert not (tmp_path / "theirs").exists()
