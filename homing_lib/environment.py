@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
+from functools import cache
 from math import cos, isfinite, pi, radians, sin
 from operator import index
 from typing import Any, Literal
@@ -28,7 +29,8 @@ from homing_lib.surfaces import Image
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[str, HomeModel] = {}  # of this process, by all that they depend on
+_SURVEYS: dict[tuple[Any, ...], HomeModel] = {}  # of this process, by all that they depend on
+_ELSEWHERE: set[tuple[Any, ...]] = set()  # those, with a threshold, for which home is known not to be everywhere
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
@@ -195,12 +197,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
         """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.environment.survey`."""
         if self.model is None:
-            scopes = self.settings.of_scope("view", "lattice", "survey")
-            key = repr((scopes, self.room.description, self.home, self._survey_seed))
+            key = _seen_by(self.settings), self.room.description, self.home, repr(self._survey_seed)
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
                 _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)
-            self._require_elsewhere(_SURVEYS[key])
+            if (*key, self._psi_upper) not in _ELSEWHERE:
+                self._require_elsewhere(_SURVEYS[key])
+                _ELSEWHERE.add((*key, self._psi_upper))
             self.model = _SURVEYS[key]
         return self.model
 
@@ -370,6 +373,12 @@ def survey(
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
     how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
     return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))
+
+
+@cache
+def _seen_by(settings: Settings) -> str:
+    """What a survey depends on of the settings."""
+    return repr(settings.of_scope("view", "lattice", "survey"))
 
 
 def seed_of(what: str, seed: Any) -> Any:

@@ -4,11 +4,9 @@ import json
 import re
 import sys
 
-import numpy as np
 import pytest
 
 import homing_lib
-from homing_lib.publish import report
 from homing_lib.storage import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,12 +29,6 @@ def test_each_sample_of_the_readme_runs_where_pybullet_cannot_be_loaded(shows, m
 @pytest.mark.parametrize("path", LINKS)
 def test_what_the_readme_links_is_there(path):
     assert (ROOT / path).exists()
-
-
-def test_at_most_steps_lambda_is_reset_as_the_readme_says():
-    says = "At most steps λ lies outside [0, 1] and is reset" in " ".join(README.split())
-    clipped = np.concatenate([run.column("clipped") for run in report.stored_headline().learnt])
-    assert says == (clipped.mean() > 0.5)
 
 
 @pytest.mark.parametrize("notebook", sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")), ids=lambda path: path.stem)

@@ -6,29 +6,16 @@ other traces and agents; rules that are objects or keep a state, or that use wha
 once more each run in which something goes wrong, so that Python says what.
 """
 
-import builtins
-import dis
-import hashlib
-import importlib
-import inspect
 import math
-import operator
 import os
-import sys
-import threading
-import warnings
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
-from functools import cache, partial
-from pathlib import Path
-from tempfile import TemporaryFile
-from types import CellType, CodeType, FunctionType, ModuleType
+from functools import partial
+from types import FunctionType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import platformdirs
-from scipy.linalg.blas import ddot
 from tqdm import tqdm
 from tqdm.contrib.concurrent import thread_map
 
@@ -37,12 +24,12 @@ from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, 
 from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv, survey
 from homing_lib.features import Array
-from homing_lib.lambdas import RULES, Derived, Fixed, LambdaRule
+from homing_lib.lambdas import RULES, Fixed, LambdaRule
 from homing_lib.robot import FRONT_SENSORS, Robot
 from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
-from homing_lib.storage import MARK, ROOT
+from homing_lib.study.compiling import ForPython, compiled_rule, content, load, lock
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
 from homing_lib.thresholds import stopping_thresholds
 
@@ -50,10 +37,6 @@ _ROWS = 50_000  # steps that one call of the compiled code makes, unless an epis
 _MOST_LAMBDAS = 10_000_000  # that are drawn beforehand
 _NEVER = np.array([-1.0, 0.0, 0.0, 0.0])
 _COLUMNS = len(in_python.STEP_COLUMNS)
-
-
-class ForPython(Exception):
-    """Not for the compiled code: it is no such run, or something goes wrong in it, and Python has to say what."""
 
 
 # --- The door ---------------------------------------------------------------------------------------------------------
@@ -71,7 +54,7 @@ def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **
 
 def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
     """The same, or ForPython."""
-    if settings.images == "camera" or _load() is None:
+    if settings.images == "camera" or load() is None:
         raise ForPython
     return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
 
@@ -83,8 +66,8 @@ def _agrees(rule: LambdaRule, settings: Settings, seed: int) -> bool:
     """Whether a rule of one's own computes the same compiled: its first run is made twice. Raises ForPython."""
     if not isinstance(rule, FunctionType) or rule in RULES.values():
         return True
-    key = _key(rule)
-    with _lock:
+    key = content(rule)
+    with lock:
         if key not in _AGREES:
             compiled, told = run_compiled(settings, seed, rule), in_python.run(settings, seed, rule)
             _AGREES[key] = compiled.steps.tobytes() == told.steps.tobytes()
@@ -95,7 +78,7 @@ def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> 
     """`agent.run_episode`, likewise. The world is left as it was, not where the episode ends."""
     kidnapper = env if type(env) is Kidnapped else None
     world = kidnapper.home_env if kidnapper else env
-    if _load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas):
+    if load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas):
         return in_python.run_episode(env, agent, options)
     start = world.start_pose(options["start"]) if options else world.start
     world.surveyed(_survey)
@@ -126,7 +109,7 @@ def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: It
 def compiles(lambda_rule: LambdaRule) -> bool:
     """Whether runs with this rule can be compiled on this machine."""
     try:
-        return _load() is not None and _rule(lambda_rule, 0) is not None
+        return load() is not None and _rule(lambda_rule, 0) is not None
     except ForPython:
         return False
 
@@ -161,7 +144,7 @@ def _restore(before: list[tuple[Any, Any]]) -> None:
 
 def _wander(world: Any, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
     """`environment.wander` on an atlas."""
-    compiled, seen = _load(), np.empty(settings.survey_steps, np.int64)
+    compiled, seen = load(), np.empty(settings.survey_steps, np.int64)
     if not compiled.wander(_world(world), _body(world, settings, home), tuple(home), rng, seen):
         raise ForPython
     views: Array = world.views[seen].astype(np.float64)
@@ -186,7 +169,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
 
 def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
     """Episodes, one for each row of the schedule, from a start (a pose, or "uniform"). Raises ForPython."""
-    compiled, s, count = _load(), env.settings, len(schedule)
+    compiled, s, count = load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
     atlas: Any = env.world
     world, body, task = _world(atlas, env.views), _body(atlas, s, env.home), _task(env)
@@ -214,7 +197,7 @@ _LATTICES: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
 
 
 def _world(atlas: Atlas, views: Any = None) -> Any:
-    compiled = _load()
+    compiled = load()
     if atlas not in _LATTICES:
         lattice = atlas.lattice
         infrared = atlas.infrared_m.reshape(len(atlas.views), -1)
@@ -232,13 +215,13 @@ def _world(atlas: Atlas, views: Any = None) -> Any:
 
 
 def _body(world: Any, settings: Settings, home: Pose) -> Any:
-    compiled, robot = _load(), Robot(world, settings, home)
+    compiled, robot = load(), Robot(world, settings, home)
     commands, turns = np.array(robot.commands_m, dtype=float), np.array(robot.turns_m, dtype=float)
     return compiled.Body(commands, turns, float(robot.wheel_base_m), float(robot.slip), float(robot.clear_way_m))
 
 
 def _task(env: HomingEnv) -> Any:
-    compiled, s = _load(), env.settings
+    compiled, s = load(), env.settings
     psi = stopping_thresholds(s.multiplier, s.band)
     return compiled.Task(
         psi_upper=psi.upper,
@@ -259,7 +242,7 @@ _KNOWN = (SarsaAgent, FrozenAgent, RestoredAgent, ClimbGuidedAgent)
 
 def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.random.Generator]:
     """Who drives, its rule and its generator. Raises ForPython for an agent that is not known here."""
-    compiled, kind = _load(), type(agent)
+    compiled, kind = load(), type(agent)
     nobody = np.empty((0, 0))
     given: dict[str, Any] = {"chooser": compiled.RANDOM, "mixture": 0, "climbing": 0.0, "learns": False}
     given |= {"weights": np.zeros((3, env.settings.n_features)), "trace": nobody, "begins_with": nobody}
@@ -312,7 +295,7 @@ def _plain_rule(agent: Any) -> Any:
 
 def _rule(rule: LambdaRule, most: int) -> _Rule:
     """A rule for the compiled code. most: as often it may be asked. Raises ForPython where it cannot be compiled."""
-    compiled = _load()
+    compiled = load()
     overwrites = isinstance(rule, Overwritten)
     if isinstance(rule, Overwritten):
         rule = rule.rule
@@ -323,199 +306,4 @@ def _rule(rule: LambdaRule, most: int) -> _Rule:
             raise ForPython
         # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
         return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), True, overwrites)
-    return _Rule(_function(rule), _NEVER[:0], any(rule is one for one in RULES.values()), overwrites)
-
-
-_FUNCTIONS: dict[Any, Any] = {}  # compiled rules, or None for those that cannot be, by all that they depend on
-_lock = threading.RLock()
-_ADAPTER = """
-def adapter(delta, phi, delta_prev, phi_prev, trace_prev, discount):
-    try:
-        return 1.0 * {call}
-    except Exception:
-        return nan
-"""
-
-
-def _function(rule: Any) -> Any:
-    """A rule compiled, to be called as `compiled.RULE` says. Where it raises, it returns NaN."""
-    key = _key(rule)
-    with _lock:
-        if key not in _FUNCTIONS:
-            try:
-                _FUNCTIONS[key] = _adapted(rule)
-            except Exception:  # numba raises what it likes
-                _FUNCTIONS[key] = None
-    if _FUNCTIONS[key] is None:
-        raise ForPython
-    return _FUNCTIONS[key]
-
-
-def _key(rule: Any) -> Any:
-    try:
-        return _content(rule)
-    except _Uncompilable:
-        raise ForPython from None
-
-
-class _Uncompilable(Exception):
-    """Numba cannot compile it, or would compute something else than Python."""
-
-
-def _adapted(rule: Any) -> Any:
-    from numba import cfunc, njit
-
-    compiled, changes = _load(), []
-    while isinstance(rule, Derived):
-        changes.append(rule.change)
-        rule = rule.rule
-    parameters = inspect.signature(rule).parameters.values()
-    takes = [one.name for one in parameters if one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)]
-    known = {"delta", "phi", "delta_prev", "phi_prev", "trace_prev", "discount"}
-    names: dict[str, Any] = {"nan": math.nan, "rule": njit(_positional(rule))}
-    defaults = {one.name: one.default for one in parameters if one.name not in known and one.name in takes}
-    names |= {f"default_{name}": _frozen(value) for name, value in defaults.items()}
-    call = f"rule({', '.join(name if name in known else f'default_{name}' for name in takes)})"
-    for number, change in enumerate(reversed(changes)):
-        names[f"change{number}"] = _frozen(change)
-        call = f"change{number}({call})"
-    exec(_ADAPTER.format(call=call), names)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cfunc(compiled.RULE)(names["adapter"])
-
-
-_BUILTINS = (abs, min, max, float, int, bool, len, range)
-_ERRORS = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "ValueError", "Exception")
-_UNLIKE = (
-    "random",
-    "pow",
-    "power",
-    "exp",
-    "log",
-)  # their numbers differ, by chance or in the last bit, as those of ** do
-_ODD = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
-
-
-@cache
-def _names(code: CodeType) -> tuple[str, ...]:
-    """What a function looks for outside itself. Raises _Uncompilable for what it should not do."""
-    count = code.co_argcount + code.co_kwonlyargcount
-    keywords = code.co_varnames[count : count + 1] if code.co_flags & inspect.CO_VARKEYWORDS else ()
-    if code.co_flags & _ODD or any(isinstance(one, CodeType) for one in code.co_consts):
-        raise _Uncompilable
-    for step in dis.get_instructions(code):
-        names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
-        if any(name in (*keywords, *_UNLIKE) for name in names) or step.opname in ("STORE_GLOBAL", "STORE_DEREF"):
-            raise _Uncompilable
-        if step.argrepr in ("**", "**="):
-            raise _Uncompilable
-    return tuple({step.argval: 0 for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"})
-
-
-def _outside(function: FunctionType) -> dict[str, Any]:
-    """What it finds there, by name. Raises _Uncompilable for what it should not use."""
-    found = {}
-    for name in _names(function.__code__):
-        value = function.__globals__.get(name, getattr(builtins, name, None))
-        if name not in function.__globals__ and name not in _ERRORS and value not in _BUILTINS:
-            raise _Uncompilable
-        if name not in _ERRORS:
-            found[name] = value
-    return found
-
-
-def _content(value: Any) -> Any:
-    """All that a function, or what one finds outside itself, depends on, hashable. Raises _Uncompilable."""
-    if isinstance(value, Derived):
-        return "derived", _content(value.rule), _content(value.change)
-    if isinstance(value, FunctionType):
-        outside = tuple((name, _content(one)) for name, one in _outside(value).items())
-        cells = tuple(_content(cell.cell_contents) for cell in value.__closure__ or ())
-        return value.__code__, repr((value.__defaults__, value.__kwdefaults__)), outside, cells
-    if isinstance(value, bool | int | float | np.number):
-        return type(value), repr(value)
-    known = value in (math, np, operator, ddot, *_BUILTINS) if isinstance(value, Hashable) else False
-    if known or isinstance(value, np.ufunc) or getattr(value, "__module__", "") in ("math", "numpy", "_operator"):
-        return id(value)
-    raise _Uncompilable
-
-
-def _frozen(value: Any) -> Any:
-    """What numba takes in its place: functions compiled, all else as it is."""
-    from numba import njit
-
-    if value in (ddot, float):
-        return njit((lambda x, y: np.dot(x, y)) if value is ddot else (lambda x: 1.0 * x))  # float(True) is not known
-    return njit(_positional(value)) if isinstance(value, FunctionType) else value
-
-
-def _positional(function: FunctionType) -> FunctionType:
-    """The function with its keywords as positions, and without **_; what it finds outside itself is frozen."""
-    code = function.__code__
-    outside = {name: _frozen(value) for name, value in _outside(function).items()}
-    cells = tuple(CellType(_frozen(cell.cell_contents)) for cell in function.__closure__ or ())
-    count = code.co_argcount + code.co_kwonlyargcount
-    flags = code.co_flags & ~inspect.CO_VARKEYWORDS
-    flat = code.replace(co_argcount=count, co_kwonlyargcount=0, co_posonlyargcount=0, co_flags=flags)
-    defaults = None if code.co_kwonlyargcount else function.__defaults__
-    return FunctionType(flat, outside, function.__name__, defaults, cells or None)
-
-
-# --- The compiled code itself -----------------------------------------------------------------------------------------
-
-
-def _load() -> Any:
-    """The module `compiled`, or None where there can be none, of which a word is said once."""
-    with _lock:
-        return _loaded()
-
-
-@cache
-def _loaded() -> ModuleType | None:
-    slower = "runs take ten times as long; their results are the same"
-    try:
-        import numba
-    except Exception as error:  # a broken one raises what it likes
-        _say(f"numba cannot be loaded ({_short(error)}): {slower}")
-        return None
-    config: Any = numba.config
-    name, own = "homing_lib.study.compiled", config.CACHE_DIR
-    key = hashlib.sha256(Path(__file__).with_name("compiled.py").read_bytes()).hexdigest()[:16]
-    checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
-    problem: Exception | None = None
-    for place in (*checkout, platformdirs.user_cache_path("homing"), None):
-        config.CACHE_DIR = str(place / "numba" / key) if place else ""
-        sys.modules.pop(name, None)
-        try:
-            if place:  # tried here, since numba would choose another place without a word
-                Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
-                TemporaryFile(dir=config.CACHE_DIR).close()
-            compiled = importlib.import_module(name)
-            compiled.warm()
-        except Exception as error:
-            problem = error
-            continue
-        finally:
-            config.CACHE_DIR = own
-        if place is None:
-            _say(
-                f"compiled code can be kept nowhere ({_short(problem)}): it is compiled anew each time, in ten seconds"
-            )
-        return compiled
-    _say(f"the engine cannot be compiled ({_short(problem)}): {slower}")
-    return None
-
-
-_SAID = "HOMING_ENGINE_SAID"
-
-
-def _say(line: str) -> None:
-    """Once, and not again by the processes that this one starts."""
-    if _SAID not in os.environ:
-        os.environ[_SAID] = "1"
-        tqdm.write(f"homing: {line}", file=sys.stderr)
-
-
-def _short(error: Exception | None) -> str:
-    return " ".join(str(error).split())[:120] or type(error).__name__
+    return _Rule(compiled_rule(rule), _NEVER[:0], rule in RULES.values(), overwrites)

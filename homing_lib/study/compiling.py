@@ -1,0 +1,215 @@
+"""Numba, where it is: the compiled code of `compiled` is loaded, and lambda rules are compiled to be called by it.
+
+Numba keeps what it has compiled in a folder of the checkout, else in one of the user's; it is named by the hash of the
+code, since numba itself goes by the age of a file. A rule is compiled anew in each process, in a third of a second.
+"""
+
+import builtins
+import dis
+import hashlib
+import importlib
+import inspect
+import math
+import operator
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Hashable
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryFile
+from types import CellType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+import platformdirs
+from scipy.linalg.blas import ddot
+from tqdm import tqdm
+
+from homing_lib.lambdas import Derived
+from homing_lib.storage import MARK, ROOT
+
+lock = threading.RLock()
+
+
+class ForPython(Exception):
+    """Not for the compiled code: it is no such run, or something goes wrong in it, and Python has to say what."""
+
+
+# --- The compiled code ------------------------------------------------------------------------------------------------
+
+
+def load() -> Any:
+    """The module `compiled`, or None where there can be none, of which a word is said once."""
+    with lock:
+        return _loaded()
+
+
+@cache
+def _loaded() -> ModuleType | None:
+    slower = "runs take ten times as long; their results are the same"
+    try:
+        import numba
+    except Exception as error:  # a broken one raises what it likes
+        _say(f"numba cannot be loaded ({_short(error)}): {slower}")
+        return None
+    config: Any = numba.config
+    name, own = "homing_lib.study.compiled", config.CACHE_DIR
+    key = hashlib.sha256(Path(__file__).with_name("compiled.py").read_bytes()).hexdigest()[:16]
+    checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
+    problem: Exception | None = None
+    for place in (*checkout, platformdirs.user_cache_path("homing"), None):
+        config.CACHE_DIR = str(place / "numba" / key) if place else ""
+        sys.modules.pop(name, None)
+        try:
+            if place:  # tried here, since numba would choose another place without a word
+                Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
+                TemporaryFile(dir=config.CACHE_DIR).close()
+            compiled = importlib.import_module(name)
+            compiled.warm()
+        except Exception as error:
+            problem = error
+            continue
+        finally:
+            config.CACHE_DIR = own
+        if place is None:
+            _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in ten seconds")
+        return compiled
+    _say(f"the engine cannot be compiled ({_short(problem)}): {slower}")
+    return None
+
+
+_SAID = "HOMING_ENGINE_SAID"
+
+
+def _say(line: str) -> None:
+    """Once, and not again by the processes that this one starts."""
+    if _SAID not in os.environ:
+        os.environ[_SAID] = "1"
+        tqdm.write(f"homing: {line}", file=sys.stderr)
+
+
+def _short(error: Exception | None) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__
+
+
+# --- A lambda rule ----------------------------------------------------------------------------------------------------
+
+_FUNCTIONS: dict[Any, Any] = {}  # compiled rules, or None for those that cannot be, by all that they depend on
+_ADAPTER = """
+def adapter(delta, phi, delta_prev, phi_prev, trace_prev, discount):
+    try:
+        return 1.0 * {call}
+    except Exception:
+        return nan
+"""
+
+
+def compiled_rule(rule: Any) -> Any:
+    """A rule compiled, to be called as `compiled.RULE` says. Where it raises, it returns NaN."""
+    key = content(rule)
+    with lock:
+        if key not in _FUNCTIONS:
+            try:
+                _FUNCTIONS[key] = _adapted(rule)
+            except Exception:  # numba raises what it likes
+                _FUNCTIONS[key] = None
+    if _FUNCTIONS[key] is None:
+        raise ForPython
+    return _FUNCTIONS[key]
+
+
+def _adapted(rule: Any) -> Any:
+    from numba import cfunc, njit
+
+    compiled, changes = load(), []
+    while isinstance(rule, Derived):
+        changes.append(rule.change)
+        rule = rule.rule
+    parameters = inspect.signature(rule).parameters.values()
+    takes = [one.name for one in parameters if one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)]
+    known = {"delta", "phi", "delta_prev", "phi_prev", "trace_prev", "discount"}
+    names: dict[str, Any] = {"nan": math.nan, "rule": njit(_positional(rule))}
+    defaults = {one.name: one.default for one in parameters if one.name not in known and one.name in takes}
+    names |= {f"default_{name}": _frozen(value) for name, value in defaults.items()}
+    call = f"rule({', '.join(name if name in known else f'default_{name}' for name in takes)})"
+    for number, change in enumerate(reversed(changes)):
+        names[f"change{number}"] = _frozen(change)
+        call = f"change{number}({call})"
+    exec(_ADAPTER.format(call=call), names)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cfunc(compiled.RULE)(names["adapter"])
+
+
+_BUILTINS = (abs, min, max, float, int, bool, len, range)
+_ERRORS = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "ValueError", "Exception")
+_UNLIKE = ("random", "pow", "power", "exp", "log")  # computed otherwise, by chance or in the last bit, as ** is
+_ODD = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
+
+
+@cache
+def _names(code: CodeType) -> tuple[str, ...]:
+    """What a function looks for outside itself. Raises ForPython for what it should not do."""
+    count = code.co_argcount + code.co_kwonlyargcount
+    keywords = code.co_varnames[count : count + 1] if code.co_flags & inspect.CO_VARKEYWORDS else ()
+    if code.co_flags & _ODD or any(isinstance(one, CodeType) for one in code.co_consts):
+        raise ForPython
+    for step in dis.get_instructions(code):
+        names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+        if any(name in (*keywords, *_UNLIKE) for name in names) or step.opname in ("STORE_GLOBAL", "STORE_DEREF"):
+            raise ForPython
+        if step.argrepr in ("**", "**="):
+            raise ForPython
+    return tuple({step.argval: 0 for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"})
+
+
+def _outside(function: FunctionType) -> dict[str, Any]:
+    """What it finds there, by name. Raises ForPython for what it should not use."""
+    found = {}
+    for name in _names(function.__code__):
+        value = function.__globals__.get(name, getattr(builtins, name, None))
+        if name not in function.__globals__ and name not in _ERRORS and value not in _BUILTINS:
+            raise ForPython
+        if name not in _ERRORS:
+            found[name] = value
+    return found
+
+
+def content(value: Any) -> Any:
+    """All that a function, or what one finds outside itself, depends on, hashable. Raises ForPython."""
+    if isinstance(value, Derived):
+        return "derived", content(value.rule), content(value.change)
+    if isinstance(value, FunctionType):
+        outside = tuple((name, content(one)) for name, one in _outside(value).items())
+        cells = tuple(content(cell.cell_contents) for cell in value.__closure__ or ())
+        defaults = tuple(map(content, (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())))
+        return value.__code__, defaults, outside, cells
+    if isinstance(value, bool | int | float | np.number):
+        return type(value), repr(value)
+    known = value in (math, np, operator, ddot, *_BUILTINS) if isinstance(value, Hashable) else False
+    if known or isinstance(value, np.ufunc) or getattr(value, "__module__", "") in ("math", "numpy", "_operator"):
+        return id(value)
+    raise ForPython
+
+
+def _frozen(value: Any) -> Any:
+    """What numba takes in its place: functions compiled, all else as it is."""
+    from numba import njit
+
+    if value in (ddot, float):
+        return njit((lambda x, y: np.dot(x, y)) if value is ddot else (lambda x: 1.0 * x))  # float(True) is not known
+    return njit(_positional(value)) if isinstance(value, FunctionType) else value
+
+
+def _positional(function: FunctionType) -> FunctionType:
+    """The function with its keywords as positions, and without **_; what it finds outside itself is frozen."""
+    code = function.__code__
+    outside = {name: _frozen(value) for name, value in _outside(function).items()}
+    cells = tuple(CellType(_frozen(cell.cell_contents)) for cell in function.__closure__ or ())
+    count = code.co_argcount + code.co_kwonlyargcount
+    flags = code.co_flags & ~inspect.CO_VARKEYWORDS
+    flat = code.replace(co_argcount=count, co_kwonlyargcount=0, co_posonlyargcount=0, co_flags=flags)
+    defaults = None if code.co_kwonlyargcount else function.__defaults__
+    return FunctionType(flat, outside, function.__name__, defaults, cells or None)

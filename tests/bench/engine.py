@@ -1,0 +1,52 @@
+"""What a run costs a study, its share of a survey, set-up and measure included: compiled, and in Python.
+
+The study is one of the rules of `mechanism` on the same seeds. Both ways make the same runs.
+"""
+
+from collections.abc import Callable, Iterator
+from time import process_time
+from unittest.mock import patch
+
+import numpy as np
+
+from homing_lib import agent, environment
+from homing_lib.settings import Settings
+from homing_lib.study import engine, measures, mechanism
+
+SEEDS, BLOCKS = range(3), 4
+ATLAS = Settings(images="atlas")
+
+
+def seconds(settings: Settings) -> float:
+    """Processor time of a run, mean of all; nothing is known beforehand of any seed."""
+    environment._SURVEYS.clear()
+    conditions = [settings.with_changes(lambda_rule=rule) for rule in mechanism.CORE.values()]
+    start = process_time()
+    for seed in SEEDS:
+        for condition in conditions:
+            measures.summary(condition, seed)
+    return (process_time() - start) / (len(SEEDS) * len(conditions))
+
+
+def in_python(settings: Settings) -> float:
+    """The same without the engine."""
+    with patch.object(measures, "run", agent.run):
+        return seconds(settings)
+
+
+def rows() -> Iterator[tuple[str, float, str, float | None]]:
+    """(name, value, unit, largest value allowed or None)."""
+    if engine.load() is None:
+        yield "the engine: numba is not installed", np.nan, "", None
+        return
+    for update in ("taken", "all"):
+        settings = ATLAS.with_changes(update=update)
+        ways: dict[str, Callable[[Settings], float]] = {"engine": seconds, "Python": in_python}
+        seconds(settings)  # its rules are compiled, and the atlas read
+        best = dict.fromkeys(ways, np.inf)
+        for _ in range(BLOCKS):
+            for name, way in ways.items():
+                best[name] = min(best[name], way(settings))
+        yield f"run of twenty episodes, update {update}, in Python", 1e3 * best["Python"], "ms", None
+        yield f"runs of twenty episodes, update {update}, by the engine", 1 / best["engine"], "per s", None
+        yield f"run, update {update}: engine / Python", best["engine"] / best["Python"], "", 0.15
