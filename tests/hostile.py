@@ -306,7 +306,9 @@ class Campaign:
         """Another result under the same name, in a file that is whole."""
         about, arrays = read_arrays(path)
         name = self.rng.choice(list(arrays))
-        arrays[name] = self.rng.choice([arrays[name][::-1], arrays[name][:-1], np.zeros(3), arrays[name] * 2.0])
+        array = arrays[name]
+        doubled = np.concatenate([array, array]) if array.dtype.names else array * 2.0  # a table has named columns
+        arrays[name] = self.rng.choice([array[::-1], array[:-1], np.zeros(3), doubled])
         path.write_bytes(packed(about, arrays))
 
     def _alter_json(self, path: Path) -> None:
