@@ -74,10 +74,12 @@ def random_actions(number, seed=0):
 # Gymnasium's contract
 
 
-@pytest.mark.parametrize("observation", ["image", "features"])
+@pytest.mark.parametrize(
+    ("observation", "images"), [("image", "camera"), ("features", "camera"), ("features", "compact")]
+)
 @pytest.mark.parametrize("start", [None, "uniform"])
-def test_gymnasiums_checker_passes_it_without_a_warning(observation, start):
-    with warnings.catch_warnings(), make(observation=observation, start=start) as env:
+def test_gymnasiums_checker_passes_it_without_a_warning(observation, images, start):
+    with warnings.catch_warnings(), make(observation=observation, images=images, start=start) as env:
         warnings.simplefilter("error")
         check_env(env.unwrapped)
 
