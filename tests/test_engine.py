@@ -331,6 +331,7 @@ def copy(tmp_path):
     def ask(program="from homing_lib.study import engine; print(engine.load().number(), engine.load().KEPT)", **env):
         environment = {name: value for name, value in os.environ.items() if name != "HOMING_ENGINE_SAID"}
         environment |= {"HOME": str(tmp_path / "home"), "PYTHONPATH": str(tmp_path)} | env
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"  # Python too goes by a file's age
         asked = [sys.executable, "-c", program]
         done = subprocess.run(asked, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
         return done.stdout.split(), done.stderr.splitlines(), done.returncode
