@@ -35,6 +35,7 @@ class SarsaAgent:
 
     def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
         self.settings, self.rng = settings, rng
+        self.epsilon, self.temperature = settings.epsilon0, settings.tau0
         chosen = lambdas.parse(settings.lambda_rule)
         rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
@@ -230,13 +231,13 @@ def run(
     lambda_rule: a function of one's own in place of the settings' rule (see `lambdas`), of which the run keeps no note.
     after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
     (not if the run diverged). agent: makes who drives, in place of the settings' controller. survey, episodes: what
-    does the work, the functions of these names or others that do the same (`study.engine`).
+    does the work, `survey` and `run_episodes` or others that do the same (`study.engine`).
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
-    make = agent or partial(_controller, lambda_rule=lambda_rule)
     if agent and lambda_rule:
         raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
+    make = agent or partial(_controller, lambda_rule=lambda_rule)
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
         driver = make(settings, np.random.default_rng(agent_seed))
         env.surveyed(survey)

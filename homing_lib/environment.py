@@ -161,7 +161,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._sees_images, self._survey_seed = observation == "image", seed_of("survey_seed", survey_seed)
         self._psi_upper, self._psi_lower = stopping_thresholds(settings.multiplier, settings.band)
         self._top_view: Image | None = None
-        self._under_way = self._closed = False
+        self._under_way = self.closed = False
 
         self.world: World
         self._arena: Any = None  # an Arena, whose module is loaded where it is needed
@@ -175,7 +175,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self.world = self._atlas = open_one(self.room, settings)
         self.model = model
         try:
-            self.home = self._free("home", self.room.home if home is None else home)
+            self.home = self.free("home", self.room.home if home is None else home)
             usual = "uniform" if settings.start == "uniform" else self.room.start
             self.start = self.start_pose(usual if start is None else start)
         except UserError:
@@ -224,7 +224,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
         self._require()
-        self._robot.place(self._free("place", pose))
+        self._robot.place(self.free("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
@@ -258,7 +258,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         """Free the simulator. Closing twice is harmless; anything else afterwards is refused."""
         if self._arena is not None:
             self._arena.close()
-        self._closed, self._under_way = True, False
+        self.closed, self._under_way = True, False
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         """To be copied or pickled, which a simulator cannot be."""
@@ -267,7 +267,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return super().__reduce_ex__(protocol)
 
     def _require(self, *, under_way: bool = True) -> None:
-        if self._closed:
+        if self.closed:
             raise gymnasium.error.ClosedEnvironmentError("this environment is closed; make another")
         if under_way and not self._under_way:
             raise gymnasium.error.ResetNeeded("the first episode begins with reset()")
@@ -295,9 +295,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         """A start as it is, once it is known to be free. Raises UserError."""
-        return "uniform" if isinstance(start, str) and start == "uniform" else self._free("start", start)
+        return "uniform" if isinstance(start, str) and start == "uniform" else self.free("start", start)
 
-    def _free(self, what: str, pose: Any) -> Pose:
+    def free(self, what: str, pose: Any) -> Pose:
+        """A pose of the robot, its heading wrapped. Raises UserError, which names `what`, if it does not fit there."""
         try:
             x, y, heading = (float(value) for value in pose)
         except (TypeError, ValueError, OverflowError):

@@ -128,7 +128,9 @@ def told(case: Case, run: Callable[..., agent.Run], run_episode: Callable[..., A
         sarsa = getattr(driver, "agent", driver)
         found[f"generators {name}"] = sarsa.rng.bit_generator.state, env.np_random.bit_generator.state
         if isinstance(sarsa, SarsaAgent):
-            found[f"weights {name}"] = sarsa.learner.weights.tobytes(), sarsa.learner.trace.tobytes()
+            learner = sarsa.learner
+            found[f"weights {name}"] = learner.weights.tobytes(), learner.trace.tobytes()
+            found[f"rates {name}"] = learner.steps, learner.step_size, sarsa.epsilon, sarsa.temperature
 
     def afterwards(env: HomingEnv, driver: Any) -> None:
         keep(env, driver, "after learning")
@@ -148,8 +150,8 @@ def told(case: Case, run: Callable[..., agent.Run], run_episode: Callable[..., A
                     try:
                         steps, home = run_episode(place, robot, options)
                         found[f"{name}, {options is None}"] = steps.tobytes(), home
-                    except agent.Diverged:
-                        found[f"{name}, {options is None}"] = "diverged"
+                    except agent.Diverged as error:
+                        found[f"{name}, {options is None}"] = str(error)
             keep(world, driver, "after trials")
 
     how: dict[str, Any] = {"agent": lambda *made: RestoredAgent(SarsaAgent(*made))} if case.forgets else {}
@@ -167,15 +169,23 @@ def told(case: Case, run: Callable[..., agent.Run], run_episode: Callable[..., A
 def differ(case: Case) -> list[str]:
     """In what a compiled run differs from the one in Python."""
 
-    def only_compiled(*what: Any, **how: Any) -> agent.Run:
+    def compiled_run(*what: Any, **how: Any) -> agent.Run:
         try:
             return engine.run_compiled(*what, **how)
         except engine.ForPython:  # to say what is wrong, or where a rule of one's own has no ratio
             result = agent.run(*what, **how)
+            assert case.rule or result.diverged == result.settings.episodes == 1, f"not compiled: {case}"
+            return result
+
+    def compiled_episode(*what: Any) -> Any:
+        try:
+            return engine.run_episode_compiled(*what)
+        except engine.ForPython:
+            result = agent.run_episode(*what)  # which raises Diverged, or else:
             assert case.rule, f"not compiled: {case}"
             return result
 
-    ours = told(case, only_compiled, engine.run_episode)
+    ours = told(case, compiled_run, compiled_episode)
     theirs = told(case, agent.run, agent.run_episode)
     return [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
 

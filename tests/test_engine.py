@@ -1,15 +1,18 @@
 """The engine: whole runs compiled, the same to the bit as in Python, and served by Python where they cannot be."""
 
+import math
 import os
 import random
 import shutil
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from statistics import median
 from types import ModuleType
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -17,14 +20,15 @@ import homing_lib
 from homing_lib import agent, lambdas
 from homing_lib.agent import SarsaAgent, run_episode
 from homing_lib.environment import HomingEnv
+from homing_lib.errors import UserError
 from homing_lib.features import CountedViews, HomeModel
 from homing_lib.lambdas import fletcher_reeves
 from homing_lib.settings import Settings
 from homing_lib.study import engine, rules
-from homing_lib.study.robots import FrozenAgent, RestoredAgent
+from homing_lib.study.robots import FrozenAgent, Kidnapped, RestoredAgent
 from tests import parity
 
-compiled = pytest.importorskip("homing_lib.study.compiled", reason="needs numba")
+pytest.importorskip("numba")
 
 HOUSE = Path(homing_lib.__file__).parent
 SOURCE = (HOUSE / "study" / "compiled.py").read_text(encoding="utf-8")
@@ -66,13 +70,8 @@ def test_the_cases_draw_every_setting_and_their_runs_are_long(atlases):
 def interpreted(source):
     """The compiled code without its compiler: slow, and quickly changed."""
     module = ModuleType("homing_lib.study.compiled")
-    module.__file__ = compiled.__file__
     plain = source.replace("cache=_kept", "cache=False").replace("@_compiled\n", "").replace("@_inlined\n", "")
-    sys.modules[module.__name__], before = module, sys.modules[module.__name__]
-    try:
-        exec(plain, module.__dict__)
-    finally:
-        sys.modules[module.__name__] = before
+    exec(plain, module.__dict__)
     return module
 
 
@@ -216,13 +215,30 @@ def test_a_constant_that_was_changed_between_two_runs_is_the_new_one(monkeypatch
 
 
 def summed(*, phi, **_):
-    return np.sum(phi * 0.1) % 1.0
+    return float(np.sum(phi)) / 1000
 
 
-def test_a_rule_that_computes_otherwise_when_compiled_is_found_out_by_its_first_run_and_left_to_python():
-    assert engine.compiles(summed)
-    assert not same(engine.run_compiled(TINY, 1, summed), agent.run(TINY, 1, summed))
-    assert same(engine.run(TINY, 1, summed), agent.run(TINY, 1, summed))
+def of_tanh(*, delta, **_):
+    return math.tanh(abs(delta))
+
+
+def of_a_norm(*, phi, **_):
+    return 1 / np.linalg.norm(phi)
+
+
+def keeping_count(**_):
+    keeping_count.calls = getattr(keeping_count, "calls", 0) + 1
+    return 0.5
+
+
+def calling_itself(*, delta, depth=2, **_):
+    return calling_itself(delta=delta, depth=depth - 1) if depth else 0.5
+
+
+@pytest.mark.parametrize("rule", [summed, of_tanh, of_a_norm, powers, keeping_count, calling_itself])
+def test_a_rule_that_might_compute_otherwise_when_compiled_is_for_python(rule):
+    assert not engine.compiles(rule)
+    assert same(engine.run(TINY, 1, rule), agent.run(TINY, 1, rule))
 
 
 def late_mistake(*, delta, phi, **_):
@@ -261,16 +277,16 @@ def test_a_trial_in_which_a_rule_fails_leaves_robot_and_chance_as_python_does():
 
 
 def test_a_forgetful_robot_begins_every_episode_with_its_first_weights():
+    robot = RestoredAgent(SarsaAgent(TINY, np.random.default_rng(0)))
+    robot.agent.learner.weights[:] = 7
+    robot.begin_episode(2)
+    assert (robot.agent.learner.weights == TINY.theta0).all()
+
     def forgetful(*made):
         return RestoredAgent(SarsaAgent(*made))
 
-    kept = []
-    for run in (agent.run, engine.run):
-        result = run(TINY, 1, agent=forgetful, afterwards=lambda env, driver: kept.append(driver.begins_with))
-        first, second = (result.episode(number)[0] for number in (1, 2))
-        assert result.steps.tobytes() == agent.run(TINY, 1, agent=forgetful).steps.tobytes()
-        assert first[5] == second[5]
-    assert (kept[0] == TINY.theta0).all()
+    assert same(engine.run_compiled(TINY, 1, agent=forgetful), agent.run(TINY, 1, agent=forgetful))
+    assert not same(engine.run(TINY, 1, agent=forgetful), agent.run(TINY, 1))
 
 
 def test_a_greedy_robot_always_takes_its_best_action_and_learns_nothing():
@@ -287,14 +303,95 @@ def test_a_greedy_robot_always_takes_its_best_action_and_learns_nothing():
     assert taken[0] == taken[1]
 
 
-def test_an_agent_that_nobody_knows_is_for_python():
-    class Mine(SarsaAgent):
-        def choose(self, phi):
-            return 2
+class Forward(SarsaAgent):
+    def choose(self, phi):
+        return 2
 
+
+def patched(*made):
+    robot = SarsaAgent(*made)
+    robot.choose = lambda phi: 2
+    return robot
+
+
+@pytest.mark.parametrize("make", [Forward, patched])
+def test_an_agent_that_nobody_knows_is_for_python(make):
     with pytest.raises(engine.ForPython):
-        engine.run_compiled(TINY, 1, agent=Mine)
-    assert (engine.run(TINY, 1, agent=Mine).column("action") == 2).mean() > 0.5
+        engine.run_compiled(TINY, 1, agent=make)
+    assert (engine.run(TINY, 1, agent=make).column("action") == 2).mean() > 0.5
+
+
+def test_an_agent_of_other_features_is_refused_as_in_python():
+    def other(settings, rng):
+        return SarsaAgent(settings.with_changes(bin_size=6), rng)
+
+    for run in (agent.run, engine.run):
+        with pytest.raises(ValueError, match=r"dimension|shape"):
+            run(TINY, 1, agent=other)
+
+
+def test_a_frozen_robot_keeps_the_exploration_of_its_episode():
+    trained = []
+    agent.run(TINY, 1, afterwards=lambda env, driver: trained.append(driver))
+    trained[0].begin_episode(200)
+
+    def frozen(settings, rng):
+        trained[0].rng = rng
+        return FrozenAgent(trained[0])
+
+    assert same(engine.run_compiled(TINY, 1, agent=frozen), agent.run(TINY, 1, agent=frozen))
+    assert trained[0].epsilon == trained[0].rates(200)[1]
+
+
+def without_a_ratio(*, delta, phi, **_):
+    return 0.5 / (phi[0] < 2 and abs(delta) < 3)
+
+
+def test_a_run_that_python_has_to_repeat_begins_as_it_began():
+    found = []
+    for run in (agent.run, engine.run):
+        kept = SarsaAgent(TINY, np.random.default_rng(5), without_a_ratio)
+        found.append(run(TINY, 1, agent=lambda *_, kept=kept: kept))
+    assert same(*found)
+
+
+def test_a_pose_to_which_nobody_can_be_carried_is_refused_and_a_heading_is_wrapped_as_in_python():
+    def afterwards(env, driver):
+        for pose, episode in product(((0.5, 0.5, 7.0), (0.0, 0.0, 0.0)), (run_episode, engine.run_episode)):
+            env.reset(seed=4)
+            driver.rng = np.random.default_rng(3)
+            try:
+                told.append(episode(Kidnapped(env, 3, pose), FrozenAgent(driver))[0].tobytes())
+            except UserError as error:
+                told.append(str(error))
+
+    told = []
+    engine.run(TINY, 1, afterwards=afterwards)
+    assert told[0] == told[1]
+    assert told[2] == told[3] and told[2].startswith("place = (0, 0, 0): the robot does not fit there")
+
+
+def test_what_a_closed_or_wrongly_asked_world_says_is_what_it_says_in_python():
+    def afterwards(env, driver):
+        for episode in (run_episode, engine.run_episode):
+            with pytest.raises(UserError, match=r"^options = "):
+                episode(env, FrozenAgent(driver), {"begin": 1})
+        env.close()
+        with pytest.raises(gymnasium.error.ClosedEnvironmentError):
+            engine.run_episode(env, FrozenAgent(driver))
+
+    engine.run(TINY, 1, afterwards=afterwards)
+
+
+def test_lambdas_that_are_drawn_are_drawn_one_after_the_other_whoever_compares_them():
+    def drawn():
+        return parity.resampled(True)()
+
+    one, other = (rules.compare({"drawn": drawn()}, range(3), TINY).steps["drawn"] for _ in range(2))
+    rule = drawn()
+    expected = [agent.run(TINY, seed, rule).lengths for seed in range(3)]
+    np.testing.assert_array_equal(one, expected)
+    np.testing.assert_array_equal(other, expected)
 
 
 def test_progress_is_told_of_every_episode_and_a_run_that_diverges_says_where():

@@ -1,5 +1,10 @@
 """Rules compared on the robot: one column of the table is the reference, the others are judged against it."""
 
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 
@@ -54,11 +59,21 @@ def test_one_robot_is_refused_since_it_says_nothing_of_how_robots_differ():
 
 
 def test_a_comparison_is_stopped_by_ctrl_c():
-    def interrupts(**_):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        rules.compare({"a": Fixed(0), "interrupts": interrupts}, range(1000), TINY)
+    program = (
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from homing_lib.study import engine, rules\nfrom homing_lib.lambdas import Fixed\n"
+        "engine.run(engine.Settings(images='compact'), 0)\nprint('begins', flush=True)\n"
+        "rules.compare({'a': Fixed(0), 'b': Fixed(0.5)}, range(100_000))"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    try:
+        assert process.stdout.readline() == b"begins\n"
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) in (1, -signal.SIGINT)
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def test_a_mistake_in_a_rule_is_told_whoever_runs_it():

@@ -21,7 +21,7 @@ from homing_lib.agent import run
 from homing_lib.settings import Settings
 from homing_lib.storage import packed, read_arrays
 from homing_lib.study import quiet, runs
-from homing_lib.study.runs import load_study, load_table, sweep
+from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
 from tests.kills import (
     SMALL,
@@ -38,7 +38,7 @@ from tests.kills import (
 )
 from tests.test_runs import refusal
 
-FEW = replace(STUDY, seeds=range(3))
+FEW = replace(STUDY, seeds=range(3), conditions={"form 2": SMALL, "random": SMALL.with_changes(controller="random")})
 WHOLE_RUNS = replace(FEW, measure=None)
 GOES_ON = "what was finished is kept; the same command resumes from there"
 
@@ -127,7 +127,7 @@ def test_an_interrupt_is_answered_in_one_line_and_by_nobody_else_and_what_was_fi
     assert process.returncode == 130
     said = [line for line in errors.replace("\r", "\n").splitlines() if line and "small: runs:" not in line]
     assert said == [f"homing: interrupted; {GOES_ON}"]
-    assert len(written(here)) < len(STUDY)
+    assert len(written(here)) < len(STUDY.jobs())
     assert contents(here).items() <= whole.items()
 
 
@@ -330,6 +330,34 @@ def test_a_block_of_which_some_runs_are_there_is_completed(here):
     shutil.rmtree(here)
     sweep(replace(BLOCKS, seeds=range(8)), workers=1)
     assert BLOCKS.table.read_bytes() == together
+
+
+def test_where_all_is_forced_nothing_of_before_stays_beside_what_is_new(here, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(runs, "MADE_BY", dict.fromkeys(runs.MADE_BY, "earlier"))
+        sweep(replace(BLOCKS, seeds=range(4)), workers=1)
+        sweep(replace(BLOCKS, seeds=range(10)), workers=1)
+    assert sweep(replace(BLOCKS, seeds=range(10)), workers=1, force=True) == 20
+    BLOCKS.table.unlink()
+    BLOCKS.table.with_suffix(".json").unlink()
+    assert sweep(replace(BLOCKS, seeds=range(10)), workers=1) == 0
+    assert json.loads(BLOCKS.table.with_suffix(".json").read_text())["made by"] == runs.MADE_BY
+
+
+def test_blocks_of_other_seeds_have_other_names():
+    names = {path_of(BLOCKS.folder, COMPACT, *seeds).name for seeds in ((1, 4, 7), range(1, 8), (1, 7), (1,), (7,))}
+    assert len(names) == 5
+
+
+def half_a_number(settings, seed):
+    """A whole number for some seeds, and none for others."""
+    return {"number": np.array([seed]) if seed else np.array([np.nan])}
+
+
+def test_what_is_measured_in_whole_numbers_here_and_not_at_all_there_is_stored_as_both():
+    study = replace(BLOCKS, conditions={"form 2": COMPACT}, seeds=(1, 0, 2), measure=half_a_number)
+    sweep(study, workers=1)
+    np.testing.assert_array_equal(load_table(study).number, [1, np.nan, 2])
 
 
 # What is kept

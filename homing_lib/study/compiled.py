@@ -1,7 +1,7 @@
 """What `environment`, `robot`, `policy` and `sarsa` say in words, compiled: whole episodes on an atlas, some ten times
 as fast and the same to the bit (`tests/test_engine.py`). There is the text; here, line by line, its translation.
 
-All that is compiled stands in this file, for the compiler's cache is kept under the hash of its content (`engine`).
+All that is compiled stands in this file, for the compiler's cache is kept under the hash of its content (`compiling`).
 Sums and products are made in the order in which Python and NumPy make them.
 """
 
@@ -361,7 +361,7 @@ def episodes(
     starts: poses, shape (episodes or 1, 3), NaN: drawn anew; carried: after how many steps the robot is carried to
     which pose, shape (4,), never if negative; schedule: step size, epsilon and temperature, shape (episodes, 3).
     Written: steps, shape (rows, 11), `agent.STEP_COLUMNS`; lengths, reached, shape (episodes,); progress: episodes
-    that are finished, rows of `steps`, lambdas asked for so far.
+    that are finished, rows of `steps`, lambdas asked for, updates made.
     """
     actions, n = agent.weights.shape
     phi, phi_next = np.empty(n), np.empty(n)
@@ -427,11 +427,11 @@ def episodes(
                     else:
                         earlier = phi_sa if agent.overwrites else phi_prev
                         lambda_t = rule(delta, phi_sa, delta_prev, earlier, trace, agent.discount)
-                        if not isfinite(lambda_t):
-                            if isfinite(delta) and not agent.rule_is_ours:
-                                return REPEAT
-                            lambda_t = agent.on_zero
                     progress[2] += 1
+                    if not isfinite(lambda_t):
+                        if not agent.rule_is_ours:
+                            return REPEAT
+                        lambda_t = agent.on_zero
                     if agent.clip and not 0 <= lambda_t <= 1:
                         lambda_t, clipped = 0.0 if lambda_t < 0 else 1.0, 1.0
                 has_before, delta_prev = True, delta
@@ -460,6 +460,7 @@ def episodes(
                     changed /= largest
                     length = largest * sqrt(np.dot(changed, changed))
                 phi_sa, phi_prev = phi_prev, phi_sa
+                progress[3] += 1
             row = steps[progress[1]]
             row[0], row[1], row[2] = pose
             row[3], row[4], row[5] = action, reward, nrb
@@ -475,8 +476,8 @@ def episodes(
 
 
 def warm() -> None:
-    """Compile all, or read it from the cache, on arrays of the types that will come."""
-    one, two, places = np.zeros(1), np.zeros((1, 1)), np.zeros(3, np.int64)
+    """Compile all, or read it from the cache, for arrays of the types that come (but of images above 65,535 pixels)."""
+    one, two, places = np.zeros(1), np.zeros((1, 1)), np.zeros(4, np.int64)
     short, at = np.zeros(3, np.int32), np.zeros((1, 1), np.int64)
     world = World(np.zeros((1, 3), np.uint16), one, at, two, 0.0, 0.0, 0.0, 1.0, 1.0, 1, one, short, short)
     body, task = Body(two, two, 1.0, 0.0, 0.0), Task(1.0, 1.0, 0.0, False, 0.0, 1.0, 0.0, 1, 1.0, 1.0)

@@ -15,7 +15,6 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Hashable
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -27,6 +26,7 @@ import platformdirs
 from scipy.linalg.blas import ddot
 from tqdm import tqdm
 
+from homing_lib import lambdas
 from homing_lib.lambdas import Derived
 from homing_lib.storage import MARK, ROOT
 
@@ -68,15 +68,17 @@ def _loaded() -> ModuleType | None:
                 TemporaryFile(dir=config.CACHE_DIR).close()
             compiled = importlib.import_module(name)
             compiled.warm()
-        except Exception as error:
+        except OSError as error:  # no place to write to, or no more of it
             problem = error
             continue
+        except Exception as error:
+            _say(f"the engine cannot be compiled ({_short(error)}): {slower}")
+            return None
         finally:
             config.CACHE_DIR = own
         if place is None:
             _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in ten seconds")
         return compiled
-    _say(f"the engine cannot be compiled ({_short(problem)}): {slower}")
     return None
 
 
@@ -107,8 +109,11 @@ def adapter(delta, phi, delta_prev, phi_prev, trace_prev, discount):
 
 
 def compiled_rule(rule: Any) -> Any:
-    """A rule compiled, to be called as `compiled.RULE` says. Where it raises, it returns NaN."""
-    key = content(rule)
+    """A rule compiled, to be called as `compiled.RULE` says. Where it raises, it returns NaN. Raises ForPython."""
+    try:
+        key = _content(rule)
+    except (ValueError, RecursionError):  # a name without a value; a function that calls itself
+        raise ForPython from None
     with lock:
         if key not in _FUNCTIONS:
             try:
@@ -118,6 +123,17 @@ def compiled_rule(rule: Any) -> Any:
     if _FUNCTIONS[key] is None:
         raise ForPython
     return _FUNCTIONS[key]
+
+
+def is_ours(rule: Any) -> bool:
+    """Whether a rule is one of `lambdas`, which raise where their ratio is undefined, and for no other reason."""
+    if isinstance(rule, Derived):
+        return is_ours(rule.rule) and getattr(rule.change, "__module__", "") in (
+            lambdas.__name__,
+            "builtins",
+            "_operator",
+        )
+    return isinstance(rule, FunctionType) and rule.__module__ == lambdas.__name__
 
 
 def _adapted(rule: Any) -> Any:
@@ -143,10 +159,22 @@ def _adapted(rule: Any) -> Any:
         return cfunc(compiled.RULE)(names["adapter"])
 
 
-_BUILTINS = (abs, min, max, float, int, bool, len, range)
+# What a rule may use: what numba computes to the last bit as Python and NumPy do.
+_BUILTINS = (abs, min, max, float, bool, len, range)
+_FUNCTIONS_OF = (math.isfinite, math.isnan, math.sqrt, math.fabs, operator.neg, ddot, np.dot)
+_UFUNCS = (np.sqrt, np.abs, np.sign, np.isfinite, np.isnan, np.add, np.subtract, np.multiply)
+_ATTRIBUTES = ("isfinite", "isnan", "sqrt", "fabs", "dot", "abs", "absolute", "sign", "neg", "size", "shape")
+_OPERATORS = ("**", "**=", "%", "%=", "//", "//=", "<<", "<<=", ">>", ">>=")  # not these
 _ERRORS = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "ValueError", "Exception")
-_UNLIKE = ("random", "pow", "power", "exp", "log")  # computed otherwise, by chance or in the last bit, as ** is
 _ODD = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
+
+
+@cache
+def _dots_agree() -> bool:
+    """Whether NumPy's own linear algebra multiplies vectors as SciPy's does, which the compiled code calls."""
+    rng = np.random.default_rng(0)
+    pairs = (rng.random((2, n)) for n in (3, 258, 516, 774) for _ in range(16))
+    return all(float(x @ y) == float(np.dot(x, y)) == ddot(x, y) for x, y in pairs)
 
 
 @cache
@@ -158,38 +186,37 @@ def _names(code: CodeType) -> tuple[str, ...]:
         raise ForPython
     for step in dis.get_instructions(code):
         names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
-        if any(name in (*keywords, *_UNLIKE) for name in names) or step.opname in ("STORE_GLOBAL", "STORE_DEREF"):
+        if (step.argrepr == "@" or step.argval == "dot") and not _dots_agree():
             raise ForPython
-        if step.argrepr in ("**", "**="):
+        stores = step.opname.startswith(("STORE_GLOBAL", "STORE_DEREF", "STORE_ATTR", "DELETE_"))
+        unknown = step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval not in _ATTRIBUTES
+        if stores or unknown or step.argrepr in _OPERATORS or any(name in keywords for name in names):
             raise ForPython
     return tuple({step.argval: 0 for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"})
 
 
 def _outside(function: FunctionType) -> dict[str, Any]:
-    """What it finds there, by name. Raises ForPython for what it should not use."""
+    """What it finds there, by name."""
     found = {}
     for name in _names(function.__code__):
         value = function.__globals__.get(name, getattr(builtins, name, None))
-        if name not in function.__globals__ and name not in _ERRORS and value not in _BUILTINS:
-            raise ForPython
         if name not in _ERRORS:
             found[name] = value
     return found
 
 
-def content(value: Any) -> Any:
+def _content(value: Any) -> Any:
     """All that a function, or what one finds outside itself, depends on, hashable. Raises ForPython."""
     if isinstance(value, Derived):
-        return "derived", content(value.rule), content(value.change)
+        return "derived", _content(value.rule), _content(value.change)
     if isinstance(value, FunctionType):
-        outside = tuple((name, content(one)) for name, one in _outside(value).items())
-        cells = tuple(content(cell.cell_contents) for cell in value.__closure__ or ())
-        defaults = tuple(map(content, (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())))
+        outside = tuple((name, _content(one)) for name, one in _outside(value).items())
+        cells = tuple(_content(cell.cell_contents) for cell in value.__closure__ or ())
+        defaults = tuple(map(_content, (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())))
         return value.__code__, defaults, outside, cells
     if isinstance(value, bool | int | float | np.number):
         return type(value), repr(value)
-    known = value in (math, np, operator, ddot, *_BUILTINS) if isinstance(value, Hashable) else False
-    if known or isinstance(value, np.ufunc) or getattr(value, "__module__", "") in ("math", "numpy", "_operator"):
+    if any(value is one for one in (math, np, operator, *_BUILTINS, *_FUNCTIONS_OF, *_UFUNCS)):
         return id(value)
     raise ForPython
 
@@ -198,9 +225,19 @@ def _frozen(value: Any) -> Any:
     """What numba takes in its place: functions compiled, all else as it is."""
     from numba import njit
 
-    if value in (ddot, float):
-        return njit((lambda x, y: np.dot(x, y)) if value is ddot else (lambda x: 1.0 * x))  # float(True) is not known
+    for name, stands_in in _STAND_INS:
+        if value is name:
+            return njit(stands_in)
     return njit(_positional(value)) if isinstance(value, FunctionType) else value
+
+
+_STAND_INS: tuple[tuple[Any, Any], ...] = (
+    (ddot, lambda x, y: np.dot(x, y)),
+    (float, lambda x: 1.0 * x),  # numba knows no float(True)
+    (max, lambda a, b: b if b > a else a),  # the first of equals, as Python has it: 0 and -0 are two
+    (min, lambda a, b: b if b < a else a),
+)
+"""What stands for what numba lacks, or does otherwise."""
 
 
 def _positional(function: FunctionType) -> FunctionType:

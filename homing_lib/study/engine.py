@@ -1,35 +1,37 @@
 """The one door for whoever runs many robots: compiled where that can be, in Python where not; the results are the same.
 
 `run` and `run_episode` are those of `agent`. Compiled are runs on an atlas, the compact one too, of the agents of
-`agent` and `robots` with accumulating traces and a lambda rule that numba can compile. In Python run: the camera;
-other traces and agents; rules that are objects or keep a state, or that use what differs between NumPy and numba; and
-once more each run in which something goes wrong, so that Python says what.
+`agent` and `robots`, with accumulating traces and a lambda rule that is fixed, drawn beforehand (`beforehand`), or a
+function that `compiling` takes. In Python run: the camera; other traces and agents; all other rules; and once more each
+run in which something goes wrong, so that Python says what. `after_episode` is told when all episodes are over.
+Weights, traces, rates and generators are left as by Python; where the world stands is not, nor what the learner shows
+of its last step.
 """
 
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from functools import partial
-from types import FunctionType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from tqdm import tqdm
-from tqdm.contrib.concurrent import thread_map
 
 from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
 from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv, survey
+from homing_lib.errors import UserError
 from homing_lib.features import Array
-from homing_lib.lambdas import RULES, Fixed, LambdaRule
+from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.robot import FRONT_SENSORS, Robot
 from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
-from homing_lib.study.compiling import ForPython, compiled_rule, content, load, lock
+from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
 from homing_lib.thresholds import stopping_thresholds
 
@@ -42,68 +44,64 @@ _COLUMNS = len(in_python.STEP_COLUMNS)
 # --- The door ---------------------------------------------------------------------------------------------------------
 
 
-def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
+def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
     """`agent.run`, with all that it takes, some ten times as fast where it can be compiled."""
     try:
-        if lambda_rule is None or _agrees(lambda_rule, settings, seed):
-            return run_compiled(settings, seed, lambda_rule, **how)
+        return run_compiled(settings, seed, lambda_rule, *more, **how)
     except ForPython:
-        pass
-    return in_python.run(settings, seed, lambda_rule, **how)
+        return in_python.run(settings, seed, lambda_rule, *more, **how)
 
 
-def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
+def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
     """The same, or ForPython."""
     if settings.images == "camera" or load() is None:
         raise ForPython
-    return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
-
-
-_AGREES: dict[Any, bool] = {}
-
-
-def _agrees(rule: LambdaRule, settings: Settings, seed: int) -> bool:
-    """Whether a rule of one's own computes the same compiled: its first run is made twice. Raises ForPython."""
-    if not isinstance(rule, FunctionType) or rule in RULES.values():
-        return True
-    key = content(rule)
-    with lock:
-        if key not in _AGREES:
-            compiled, told = run_compiled(settings, seed, rule), in_python.run(settings, seed, rule)
-            _AGREES[key] = compiled.steps.tobytes() == told.steps.tobytes()
-    return _AGREES[key]
+    return in_python.run(settings, seed, lambda_rule, *more, survey=_survey, episodes=_episodes, **how)
 
 
 def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
-    """`agent.run_episode`, likewise. The world is left as it was, not where the episode ends."""
+    """`agent.run_episode`, likewise."""
+    try:
+        return run_episode_compiled(env, agent, options)
+    except ForPython:
+        return in_python.run_episode(env, agent, options)
+
+
+def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
+    """The same, or ForPython, and all is as before."""
     kidnapper = env if type(env) is Kidnapped else None
     world = kidnapper.home_env if kidnapper else env
-    if load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas):
-        return in_python.run_episode(env, agent, options)
-    start = world.start_pose(options["start"]) if options else world.start
+    if load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas) or world.closed:
+        raise ForPython
+    if options and {*options} != {"start"}:
+        raise ForPython
     world.surveyed(_survey)
-    carried = np.array([kidnapper.after, *kidnapper.pose], dtype=float) if kidnapper else _NEVER
-    sarsa, rates = _sarsa(agent), (0.0, 0.0, 0.0)
-    if sarsa:
-        rates = sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature
+    start, carried = world.start_pose(options["start"]) if options else world.start, _NEVER
+    if kidnapper:
+        try:
+            carried = np.array([kidnapper.after, *world.free("place", kidnapper.pose)], dtype=float)
+        except UserError:  # which is said when the time has come
+            raise ForPython from None
     before = _state(world, agent)
     try:
-        steps, _, reached, diverged = _driven(world, agent, [rates], start, carried)
-        if not diverged:
-            return steps, bool(reached[0])
+        steps, _, reached, _ = _driven(world, agent, [_rates(agent)], start, carried)
     except ForPython:
-        pass
-    _restore(before)
-    return in_python.run_episode(env, agent, options)
+        _restore(before)
+        raise
+    return steps, bool(reached[0])
 
 
 def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: Iterable[LambdaRule]) -> list[Any]:
     """What a function says of each seed, with progress; it makes runs with these rules. On a thread per core where all
     of them can be compiled, for then it computes outside of Python most of the time; else one after the other.
     """
-    threads = os.cpu_count() if all(map(compiles, rules)) else 1
-    found: list[Any] = thread_map(function, seeds, max_workers=threads, desc="seeds", unit="seed", tqdm_class=tqdm)
-    return found
+    rules = list(rules)
+    compiled = load() is not None and all(map(compiles, rules)) and not any(map(_draws, rules))
+    pool = ThreadPoolExecutor(os.cpu_count() if compiled else 1)
+    try:
+        return list(tqdm(pool.map(function, seeds), desc="seeds", unit="seed", total=len(seeds)))
+    finally:
+        pool.shutdown(cancel_futures=True)  # so that Ctrl-C is not answered when all is done
 
 
 def compiles(lambda_rule: LambdaRule) -> bool:
@@ -120,23 +118,31 @@ def _sarsa(agent: Any) -> SarsaAgent | None:
     return inner if type(inner) is SarsaAgent else None
 
 
+def _draws(rule: Any) -> bool:
+    """Whether a rule draws its lambdas, from a generator of its own."""
+    return hasattr(rule, "beforehand")
+
+
+def _rates(agent: Any) -> tuple[float, float, float]:
+    """Step size, epsilon and tau of the episode that an agent has begun."""
+    sarsa = _sarsa(agent)
+    return (sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature) if sarsa else (0.0, 0.0, 0.0)
+
+
 def _state(world: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
     """All that an episode changes, and how it is now."""
-    sarsa, rule = _sarsa(agent), _plain_rule(agent)
+    sarsa = _sarsa(agent)
     generators = [getattr(one, name, None) for one, name in ((world, "np_random"), (agent, "rng"), (sarsa, "rng"))]
     arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
-    found = [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
-    return found + ([(rule, deepcopy(vars(rule)))] if hasattr(rule, "beforehand") else [])
+    return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
 
 
 def _restore(before: list[tuple[Any, Any]]) -> None:
     for one, state in before:
         if isinstance(one, np.ndarray):
             one[:] = state
-        elif isinstance(one, np.random.Generator):
-            one.bit_generator.state = state
         else:
-            vars(one).update(state)
+            one.bit_generator.state = state
 
 
 # --- What the compiled code is given ----------------------------------------------------------------------------------
@@ -157,9 +163,14 @@ _survey = partial(survey, wander=_wander)
 
 def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[int], object]) -> Episodes:
     """`agent.run_episodes`."""
-    sarsa = _sarsa(agent)
-    schedule = [sarsa.rates(number) if sarsa else (0.0, 0.0, 0.0) for number in range(1, count + 1)]
-    steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start, _NEVER)
+    sarsa = _sarsa(agent) if type(agent) in _LEARN else None
+    schedule = [sarsa.rates(number) if sarsa else _rates(agent) for number in range(1, count + 1)]
+    before = _state(env, agent)
+    try:
+        steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start, _NEVER)
+    except ForPython:
+        _restore(before)
+        raise
     if sarsa:
         sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature = schedule[(diverged or count) - 1]
     for number in range(1, len(lengths) + 1):
@@ -175,7 +186,7 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
     world, body, task = _world(atlas, env.views), _body(atlas, s, env.home), _task(env)
     starts = np.full((1, 3), np.nan) if start == "uniform" else np.array([start])
     lengths, reached = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    progress, blocks, rows = np.zeros(3, np.int64), [], np.array(schedule)
+    progress, blocks, rows = np.zeros(4, np.int64), [], np.array(schedule, dtype=float)
     ended = compiled.DONE
     while ended == compiled.DONE and progress[0] < count:
         block = np.empty((max(min(_ROWS, (count - progress[0]) * s.max_steps), s.max_steps), _COLUMNS))
@@ -185,12 +196,16 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
             world, body, task, given, rule, starts, carried, rows, rng, env.np_random, block, lengths, reached, progress
         )
         blocks.append(block[: lengths[driven : progress[0]].sum()].copy())
-    if ended == compiled.REPEAT:
+    done, diverged = progress[0], ended == compiled.DIVERGED
+    if ended == compiled.REPEAT or (diverged and count == 1):  # of one episode Python says it, by an error
         raise ForPython
-    if beforehand := getattr(_plain_rule(agent), "beforehand", None):
-        beforehand(int(progress[2]))
-    done = progress[0]
-    return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if ended == compiled.DIVERGED else 0)
+    if given.learns:
+        learner = agent.learner if type(agent) is SarsaAgent else agent.agent.learner
+        learner.steps += int(progress[3])
+        drawn: Any = learner.lambda_rule.rule if isinstance(learner.lambda_rule, Overwritten) else learner.lambda_rule
+        if _draws(drawn):
+            drawn.beforehand(int(progress[2]))
+    return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if diverged else 0)
 
 
 _LATTICES: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
@@ -237,24 +252,28 @@ def _task(env: HomingEnv) -> Any:
     )
 
 
-_KNOWN = (SarsaAgent, FrozenAgent, RestoredAgent, ClimbGuidedAgent)
+_LEARN = (SarsaAgent, RestoredAgent)
+_KNOWN = (*_LEARN, FrozenAgent, ClimbGuidedAgent)
+_OWN = {"begin_episode", "choose", "learn"}  # of an agent or a learner, if it is not what its class says
 
 
 def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.random.Generator]:
     """Who drives, its rule and its generator. Raises ForPython for an agent that is not known here."""
-    compiled, kind = load(), type(agent)
+    compiled, kind, n = load(), type(agent), env.settings.n_features
     nobody = np.empty((0, 0))
     given: dict[str, Any] = {"chooser": compiled.RANDOM, "mixture": 0, "climbing": 0.0, "learns": False}
-    given |= {"weights": np.zeros((3, env.settings.n_features)), "trace": nobody, "begins_with": nobody}
+    given |= {"weights": np.zeros((3, n)), "trace": nobody, "begins_with": nobody}
     given |= {"lambdas": _NEVER[:0], "discount": 0.0, "clip": True, "on_zero": 0.0, "rule_is_ours": True}
     given |= dict.fromkeys(("overwrites", "all_weights", "bootstraps", "learns_at_walls"), False)
-    if kind in (RandomAgent, ClimbingAgent):
+    if kind in (RandomAgent, ClimbingAgent) and not _OWN & vars(agent).keys():
         given["chooser"] = compiled.CLIMB if kind is ClimbingAgent else compiled.RANDOM
         return compiled.Agent(**given), compiled.no_rule, agent.rng
     sarsa = _sarsa(agent)
     if not sarsa or kind not in _KNOWN or type(sarsa.learner) is not LinearSarsa:
         raise ForPython
     learner, rng, rule = sarsa.learner, sarsa.rng, compiled.no_rule
+    if _OWN & (vars(sarsa).keys() | vars(learner).keys()) or {learner.weights.shape, learner.trace.shape} != {(3, n)}:
+        raise ForPython
     given |= {"chooser": compiled.POLICY, "weights": learner.weights}
     given["mixture"] = compiled.MIXTURES.index(sarsa.settings.mixture)
     if kind is ClimbGuidedAgent:
@@ -286,14 +305,7 @@ class _Rule(NamedTuple):
     overwrites: bool
 
 
-def _plain_rule(agent: Any) -> Any:
-    """The rule by which an agent learns, if it does; as it is, also where features are overwritten."""
-    sarsa = _sarsa(agent)
-    rule = sarsa.learner.lambda_rule if sarsa and type(agent) in (SarsaAgent, RestoredAgent) else None
-    return rule.rule if isinstance(rule, Overwritten) else rule
-
-
-def _rule(rule: LambdaRule, most: int) -> _Rule:
+def _rule(rule: Any, most: int) -> _Rule:
     """A rule for the compiled code. most: as often it may be asked. Raises ForPython where it cannot be compiled."""
     compiled = load()
     overwrites = isinstance(rule, Overwritten)
@@ -301,9 +313,9 @@ def _rule(rule: LambdaRule, most: int) -> _Rule:
         rule = rule.rule
     if isinstance(rule, Fixed):
         return _Rule(compiled.no_rule, np.array([rule.value]), True, overwrites)
-    if hasattr(rule, "beforehand"):
+    if _draws(rule):
         if most > _MOST_LAMBDAS:
             raise ForPython
         # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
-        return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), True, overwrites)
-    return _Rule(compiled_rule(rule), _NEVER[:0], rule in RULES.values(), overwrites)
+        return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), False, overwrites)
+    return _Rule(compiled_rule(rule), _NEVER[:0], is_ours(rule), overwrites)

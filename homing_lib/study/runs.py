@@ -12,6 +12,7 @@ import logging
 import multiprocessing.resource_tracker
 import os
 import platform
+import re
 import signal
 import subprocess
 import sys
@@ -89,7 +90,7 @@ class Study:
         """Where its runs are stored: complete ones by themselves, others with all that are measured so."""
         if self.measure is None:
             return DATA / self.name
-        return SCRATCH / f"{self.measure.__module__.rpartition('.')[2]}.{self.measured}"
+        return SCRATCH / self._whole_name()
 
     @property
     def table(self) -> Path:
@@ -113,6 +114,11 @@ class Study:
             for settings in dict.fromkeys(self.conditions.values())
             if self._alone(settings) or seed == block[0]
         ]
+
+    def _whole_name(self) -> str:
+        """Of the measure, by which its runs are known to be measured so."""
+        measure: Any = self.measure
+        return f"{measure.__module__}.{measure.__qualname__}".translate({ord(c): "_" for c in '<>:"|?*'})
 
     def _alone(self, settings: Settings) -> bool:
         return self.measure is None or settings.images == "camera"
@@ -154,7 +160,9 @@ def seeds_of(seeds: Any) -> Sequence[int]:
 
 def path_of(folder: Path, settings: Settings, *seeds: int) -> Path:
     """Where a run is stored, or a block of them."""
-    return folder / f"{'-'.join([settings.digest, *map(str, dict.fromkeys((seeds[0], seeds[-1])))])}.npz"
+    together = len(seeds) == seeds[-1] - seeds[0] + 1
+    named = dict.fromkeys((seeds[0], seeds[-1]) if together else seeds)
+    return folder / f"{settings.digest}-{('-' if together else '.').join(map(str, named))}.npz"
 
 
 def save(result: Run, path: Path) -> None:
@@ -218,9 +226,10 @@ def sweep(
 ) -> int:
     """Compute what is missing of a study, or all of it (`force`). Returns how many runs were computed.
 
-    workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. Runs
-    are kept as they finish. anew: files that are not computed again though it is forced, since another study made them
-    just now; those made here are added. Raises UserError if a stored file is damaged or workers are lost.
+    workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. What
+    one file holds is kept as soon as it is finished. anew: files that are not computed again though it is forced, since
+    another study made them just now; those made here are added. Raises UserError if a stored file is damaged or workers
+    are lost.
     """
     if cluster == "":
         raise UserError("--cluster: the address is empty; give that of a Dask scheduler, or leave the option out")
@@ -383,29 +392,36 @@ def _compute(measure: Measure | None, settings: Settings, seeds: tuple[int, ...]
 def _store(
     path: Path, study: Study, settings: Settings, seeds: Sequence[int], found: Sequence[Columns], origin: dict[str, str]
 ) -> None:
-    about: dict[str, Any] = {"settings": settings.model_dump(), "seeds": list(seeds), "measure": study.measured}
+    about: dict[str, Any] = {"settings": settings.model_dump(), "seeds": list(seeds), "measure": study._whole_name()}
     about |= {"made by": origin, "rows": [len(next(iter(columns.values()))) for columns in found]}
-    # One array is read faster than ten.
-    table = np.empty(sum(about["rows"]), [(name, column.dtype) for name, column in found[0].items()])
-    for name in found[0]:
-        table[name] = np.concatenate([columns[name] for columns in found])
+    columns = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+    table = np.empty(sum(about["rows"]), [(name, column.dtype) for name, column in columns.items()])
+    for name, column in columns.items():
+        table[name] = column  # one array is read faster than ten
     write_bytes(path, packed(about | {"sha256": _hash_of(about, {"table": table})}, {"table": table}))
 
 
 def _held(study: Study, only: set[Path] | None) -> _Held:
-    """What is stored of a study's runs, and sound. only: in these files. Raises UserError if one is damaged.
+    """What is stored of a study's runs, and sound. only: in these files; others of these settings are removed, so that
+    none stands beside what is computed anew. Raises UserError if one is damaged.
 
     What a file's own hash does not vouch for might be anything: it is left out, and computed anew.
     """
     wanted = {settings.digest: settings for settings in study.conditions.values()}
     held: _Held = {}
     for path in sorted(study.folder.glob("[!.]*.npz")):
-        settings = wanted.get(path.name.partition("-")[0])
-        if settings is None or (only is not None and path not in only):
+        named = re.fullmatch(r"(\w+)-(\d+)(?:[-.\d]*[-.](\d+))?", path.stem)
+        if named is None or named[1] not in wanted:
+            continue
+        settings, first, last = wanted[named[1]], int(named[2]), int(named[3] or named[2])
+        if not any(first <= seed <= last for seed in study.seeds):
+            continue
+        if only is not None and path not in only:
+            path.unlink()
             continue
         about, arrays = _read(path)
         table, own = arrays.get("table"), about.pop("sha256", None)
-        if own != _hash_of(about, arrays) or about.get("measure") != study.measured:
+        if own != _hash_of(about, arrays) or about.get("measure") != study._whole_name():
             continue
         if about["settings"] != settings.model_dump() or path != path_of(study.folder, settings, *about["seeds"]):
             raise UserError(f"{path}: holds other runs than its name says; {_REMEDY}")
