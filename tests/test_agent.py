@@ -301,15 +301,15 @@ def test_a_climber_keeps_to_an_action_while_the_similarity_rises_and_takes_anoth
     assert others == {1, 2}
 
 
-def test_a_settled_agent_chooses_as_it_did_and_learns_no_more():
+def test_a_frozen_agent_chooses_as_it_did_and_learns_no_more():
     agent = SarsaAgent(SHORT, np.random.default_rng(0))
     agent.begin_episode(20)
     weights, phi = agent.learner.weights.copy(), view(0.5)
-    settled = FrozenAgent(agent)
+    frozen = FrozenAgent(agent)
     twin = SarsaAgent(SHORT, np.random.default_rng(0))
     twin.begin_episode(20)
-    assert [settled.choose(phi) for _ in range(20)] == [twin.choose(phi) for _ in range(20)]
-    assert settled.learn(phi, 0, -1.0, phi, 1, False, False) == (0, 0, False, 0)
+    assert [frozen.choose(phi) for _ in range(20)] == [twin.choose(phi) for _ in range(20)]
+    assert frozen.learn(phi, 0, -1.0, phi, 1, False, False) == (0, 0, False, 0)
     np.testing.assert_array_equal(agent.learner.weights, weights)
 
 

@@ -116,7 +116,7 @@ def trials(settings: Settings, seed: int) -> Columns:
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
         rng = np.random.default_rng([seed, 2])
-        settled = FrozenAgent(agent)
+        frozen = FrozenAgent(agent)
         everywhere = list(starts_everywhere(env))
         somewhere = [free_pose(env.world, env.room, rng) for _ in range(40)]
         for light in TRIAL_LIGHTS:
@@ -124,10 +124,10 @@ def trials(settings: Settings, seed: int) -> Columns:
             with HomingEnv(now, observation="features", model=env.model) as world:
                 world.reset(seed=seed)
                 for pose in everywhere if light == 1 else somewhere:
-                    steps, reached = run_episode(world, settled, {"start": pose})
+                    steps, reached = run_episode(world, frozen, {"start": pose})
                     rows.append((0, *pose, len(steps), reached, light))
                 for pose in somewhere if light == 1 else ():
-                    steps, reached = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), settled)
+                    steps, reached = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), frozen)
                     rows.append((1, *pose, len(steps) - _KIDNAPPED_AT, reached, light))
 
     names = ("kidnapped", "x", "y", "heading", "steps", "reached", "light")
@@ -145,7 +145,7 @@ def abductions(settings: Settings, seed: int) -> Columns:
     rows: list[tuple[float, ...]] = []
 
     def afterwards(env: HomingEnv, agent: Agent) -> None:
-        rng, settled = np.random.default_rng([seed, 4]), FrozenAgent(agent)
+        rng, frozen = np.random.default_rng([seed, 4]), FrozenAgent(agent)
         worlds = [
             HomingEnv(settings.with_changes(max_steps=cap), observation="features", model=env.model)
             for cap in (TRIAL_STEPS, TRIAL_STEPS + _KIDNAPPED_AT)
@@ -154,8 +154,8 @@ def abductions(settings: Settings, seed: int) -> Columns:
             for world in worlds:
                 world.reset(seed=seed)
             for pose in (free_pose(env.world, env.room, rng) for _ in range(40)):
-                begun, begun_home = run_episode(usual, settled, {"start": pose})
-                carried, carried_home = run_episode(Kidnapped(longer, _KIDNAPPED_AT, pose), settled)
+                begun, begun_home = run_episode(usual, frozen, {"start": pose})
+                carried, carried_home = run_episode(Kidnapped(longer, _KIDNAPPED_AT, pose), frozen)
                 rows.append((*pose, len(begun), begun_home, len(carried) - _KIDNAPPED_AT, carried_home))
 
     names = ("x", "y", "heading", "begun", "begun_home", "carried", "carried_home")

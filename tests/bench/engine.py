@@ -18,8 +18,9 @@ ATLAS = Settings(images="atlas")
 
 
 def seconds(settings: Settings) -> float:
-    """Processor time of a run, mean of all; nothing is known beforehand of any seed."""
+    """Processor time of a run, mean of all; no survey is known beforehand."""
     environment._SURVEYS.clear()
+    environment._ELSEWHERE.clear()
     conditions = [settings.with_changes(lambda_rule=rule) for rule in mechanism.CORE.values()]
     start = process_time()
     for seed in SEEDS:
