@@ -4,17 +4,19 @@ The study is one of the rules of `mechanism` on the same seeds. Both ways make t
 """
 
 from collections.abc import Callable, Iterator
-from time import process_time
+from time import perf_counter, process_time
 from unittest.mock import patch
 
 import numpy as np
 
 from homing_lib import agent, environment
+from homing_lib.atlas import camera_available
 from homing_lib.settings import Settings
-from homing_lib.study import engine, measures, mechanism
+from homing_lib.study import engine, measures, mechanism, rules
 
 SEEDS, BLOCKS = range(3), 4
-ATLAS = Settings(images="atlas")
+ATLAS = Settings(images="atlas" if camera_available() else "compact")
+ROBOTS = range(1000)
 
 
 def seconds(settings: Settings) -> float:
@@ -35,11 +37,29 @@ def in_python(settings: Settings) -> float:
         return seconds(settings)
 
 
+def written_out(*, delta, phi, delta_prev, phi_prev, discount, **_):  # type: ignore[no-untyped-def]
+    """Form 2 as a reader writes it."""
+    return delta * (phi @ phi) / (discount * delta_prev * (phi_prev @ phi_prev))
+
+
+def half(*, delta, delta_prev, **_):  # type: ignore[no-untyped-def]
+    """Half of the trace while the errors agree in sign."""
+    return 0.5 if delta * delta_prev > 0 else 0.0
+
+
+def upwards(*, delta, **_):  # type: ignore[no-untyped-def]
+    """Some of the trace after a good surprise."""
+    return 0.3 * (delta > 0)
+
+
 def rows() -> Iterator[tuple[str, float, str, float | None]]:
     """(name, value, unit, largest value allowed or None)."""
     if engine.load() is None:
         yield "the engine: numba is not installed", np.nan, "", None
         return
+    start = perf_counter()
+    rules.compare({"written out": written_out, "half": half, "upwards": upwards}, ROBOTS)
+    yield f"{len(ROBOTS)} robots for each of three new rules, on all cores", perf_counter() - start, "s", 10
     for update in ("taken", "all"):
         settings = ATLAS.with_changes(update=update)
         ways: dict[str, Callable[[Settings], float]] = {"engine": seconds, "Python": in_python}
