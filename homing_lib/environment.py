@@ -349,10 +349,8 @@ def reward(
 
 def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
     """What the robot sees on `survey_steps` uniformly random actions from home, reflex included: shape (steps, 3 B)."""
-    robot, seen = (
-        Robot(world, settings, home),
-        np.empty((settings.survey_steps, 3 * bins_per_channel(settings.bin_size))),
-    )
+    robot = Robot(world, settings, home)
+    seen = np.empty((settings.survey_steps, 3 * bins_per_channel(settings.bin_size)))
     for row in seen:
         robot.act(int(rng.integers(3)), rng)
         row[:] = world.histogram(robot.pose)

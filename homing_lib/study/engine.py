@@ -37,7 +37,8 @@ from homing_lib.thresholds import stopping_thresholds
 
 _ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
 _MOST_LAMBDAS = 10_000_000  # that are drawn beforehand
-_NEVER = np.array([-1.0, 0.0, 0.0, 0.0])
+_NEVER = np.array([-1.0, 0.0, 0.0, 0.0])  # is the robot carried away
+_NONE = np.empty(0)
 _COLUMNS = len(in_python.STEP_COLUMNS)
 
 
@@ -116,6 +117,11 @@ def _sarsa(agent: Any) -> SarsaAgent | None:
     """Who learns, or has learnt, if it is one who is known here."""
     inner = getattr(agent, "agent", agent)
     return inner if type(inner) is SarsaAgent else None
+
+
+def _plain(rule: Any) -> Any:
+    """The rule itself, also where features are overwritten."""
+    return rule.rule if isinstance(rule, Overwritten) else rule
 
 
 def _draws(rule: Any) -> bool:
@@ -202,8 +208,7 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
     if given.learns:
         learner = agent.learner if type(agent) is SarsaAgent else agent.agent.learner
         learner.steps += int(progress[3])
-        drawn: Any = learner.lambda_rule.rule if isinstance(learner.lambda_rule, Overwritten) else learner.lambda_rule
-        if _draws(drawn):
+        if _draws(drawn := _plain(learner.lambda_rule)):
             drawn.beforehand(int(progress[2]))
     return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if diverged else 0)
 
@@ -221,12 +226,15 @@ def _world(atlas: Atlas, views: Any = None) -> Any:
             "front_m": infrared[:, FRONT_SENSORS].min(axis=1),
             "position": np.require(atlas.position, np.int64, ("C", "W")),
             "clearance_m": np.require(atlas.clearance_m, np.float64, ("C", "W")),
-            **{"x0": float(lattice.x0), "y0": float(lattice.y0), "heading0": float(lattice.home.heading)},
-            **{"per_metre": 1 / lattice.spacing, "per_radian": lattice.headings / (2 * math.pi)},
+            "x0": float(lattice.x0),
+            "y0": float(lattice.y0),
+            "heading0": float(lattice.home.heading),
+            "per_metre": 1 / lattice.spacing,
+            "per_radian": lattice.headings / (2 * math.pi),
             "headings": int(lattice.headings),
         }
-    start, centre = (getattr(views, name, _NEVER[:0]).astype(np.int32) for name in ("start", "centre"))
-    return compiled.World(**_LATTICES[atlas], values=getattr(views, "values", _NEVER), start=start, centre=centre)
+    start, centre = (getattr(views, name, _NONE).astype(np.int32) for name in ("start", "centre"))
+    return compiled.World(**_LATTICES[atlas], values=getattr(views, "values", _NONE), start=start, centre=centre)
 
 
 def _body(world: Any, settings: Settings, home: Pose) -> Any:
@@ -263,7 +271,7 @@ def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.rand
     nobody = np.empty((0, 0))
     given: dict[str, Any] = {"chooser": compiled.RANDOM, "mixture": 0, "climbing": 0.0, "learns": False}
     given |= {"weights": np.zeros((3, n)), "trace": nobody, "begins_with": nobody}
-    given |= {"lambdas": _NEVER[:0], "discount": 0.0, "clip": True, "on_zero": 0.0, "rule_is_ours": True}
+    given |= {"lambdas": _NONE, "discount": 0.0, "clip": True, "on_zero": 0.0, "rule_is_ours": True}
     given |= dict.fromkeys(("overwrites", "all_weights", "bootstraps", "learns_at_walls"), False)
     if kind in (RandomAgent, ClimbingAgent) and not _OWN & vars(agent).keys():
         given["chooser"] = compiled.CLIMB if kind is ClimbingAgent else compiled.RANDOM
@@ -308,9 +316,7 @@ class _Rule(NamedTuple):
 def _rule(rule: Any, most: int) -> _Rule:
     """A rule for the compiled code. most: as often it may be asked. Raises ForPython where it cannot be compiled."""
     compiled = load()
-    overwrites = isinstance(rule, Overwritten)
-    if isinstance(rule, Overwritten):
-        rule = rule.rule
+    overwrites, rule = isinstance(rule, Overwritten), _plain(rule)
     if isinstance(rule, Fixed):
         return _Rule(compiled.no_rule, np.array([rule.value]), True, overwrites)
     if _draws(rule):
@@ -318,4 +324,4 @@ def _rule(rule: Any, most: int) -> _Rule:
             raise ForPython
         # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
         return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), False, overwrites)
-    return _Rule(compiled_rule(rule), _NEVER[:0], is_ours(rule), overwrites)
+    return _Rule(compiled_rule(rule), _NONE, is_ours(rule), overwrites)
