@@ -396,7 +396,7 @@ class Campaign:
 
     def table_of_the_project(self) -> Outcome:
         """One of the committed tables, or its manifest, is harmed: it is refused, or read as it was."""
-        study = self.rng.choice([studies.CAMERA, studies.ROOMS, studies.SHORTEST, studies.REFERENCES, studies.LONG])
+        study = self.rng.choice([studies.CAMERA, studies.ROBUST, studies.SHORTEST, studies.REFERENCES, studies.LONG])
         folder = self.folder / "project"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()

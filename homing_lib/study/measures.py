@@ -1,8 +1,9 @@
 """What is kept of a run: its episodes or their summary, trials after it, views, shortest paths."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 from math import degrees, floor, pi
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +67,30 @@ def resets(several: Sequence[Run]) -> dict[str, float]:
 def summary(settings: Settings, seed: int) -> Columns:
     """One row per run, for studies of many."""
     return summary_table(run(settings, seed))
+
+
+CUT = 500  # steps of an episode, at most, where a single lost robot shall not decide
+
+
+def totals(settings: Settings, seed: int) -> Columns:
+    """One row per run, for studies of a thousand."""
+    return totals_of(run(settings, seed))
+
+
+def totals_of(result: Run) -> Columns:
+    """A run in one row: `total` steps of its episodes, the same with each cut at CUT, `cut`, mean of the first and last
+    WINDOW, `early` and `late`, mean `lambda`, share of the steps whose lambda was reset, `clipped`, and `diverged`.
+    """
+    taken = by_episode([result])[0]
+    row = {
+        "total": taken.sum(),
+        "cut": np.minimum(taken, CUT).sum(),
+        "early": taken[:WINDOW].mean(),
+        "late": taken[-WINDOW:].mean(),
+        **{name: result.column(name).sum() / max(len(result.steps), 1) for name in ("lambda", "clipped")},
+        "diverged": result.diverged > 0,
+    }
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
 def summary_table(result: Run) -> Columns:
@@ -169,6 +194,21 @@ def starts_everywhere(env: HomingEnv, spacing_m: float = 0.1, headings: int = 8)
     for x, y in product(np.arange(spacing_m / 2, width, spacing_m), np.arange(spacing_m / 2, depth, spacing_m)):
         if env.world.clearance(x, y) >= 0:
             yield from (Pose(float(x), float(y), wrapped(2 * pi * k / headings)) for k in range(headings))
+
+
+def rows_after(
+    settings: Settings,
+    seed: int,
+    names: Sequence[str],
+    rows_of: Callable[[HomingEnv, Any], Iterable[tuple[float, ...]]],
+) -> Columns:
+    """A table of what is seen when a robot has learnt. rows_of: takes its world and the robot, and yields rows.
+
+    A run that diverged has nothing to show: one row without numbers.
+    """
+    rows: list[tuple[float, ...]] = []
+    run(settings, seed, afterwards=lambda env, agent: rows.extend(rows_of(env, agent)))
+    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
 
 
 def views(settings: Settings, seed: int) -> Columns:

@@ -7,8 +7,11 @@ question for a study (`lambda-map`).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
 
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
@@ -19,6 +22,25 @@ from homing_lib.study.engine import run, side_by_side
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode, seeds_of
 from homing_lib.study.statistics import iqm
+
+
+class ResampledLambda:
+    """A lambda drawn from a pool, whatever the step. met, count: lambdas to two digits, and how often each was met."""
+
+    def __init__(self, met: ArrayLike, count: ArrayLike, rng: np.random.Generator) -> None:
+        counts = pd.Series(np.asarray(count, dtype=float)).groupby(np.asarray(met, dtype=float).round(2)).sum()
+        self._rng, self._met, self._share = rng, counts.index.to_numpy(float), (counts / counts.sum()).cumsum()
+
+    def __call__(self, **_: Any) -> float:
+        return float(self.beforehand(1)[0])
+
+    def beforehand(self, count: int) -> Array:
+        """The lambdas of the next steps, shape (count,), which are drawn with this."""
+        places = np.searchsorted(self._share, self._rng.random(count), side="right")
+        return self._met[np.minimum(places, len(self._met) - 1)]
+
+    def __str__(self) -> str:
+        return "resampled"
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ _ARRAYS = ("steps", "lengths", "reached")
 _PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Study:
     """A question put to the robot: some conditions, each run with the same seeds.
 
@@ -495,10 +495,17 @@ def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
 
 
 def load_table(study: Study) -> pd.DataFrame:
-    """A study's table: columns `condition`, `seed`, then those of its measure. Raises UserError if it is not sound."""
+    """A study's table: columns `condition`, `seed`, those of its measure, and one for each setting that varies (where
+    no other has that name). Raises UserError if it is not sound.
+    """
     if not _table_is_current(study):
         raise missing(study.table, "missing, or of an older version of this study; `make data` computes it")
-    return pd.read_parquet(io.BytesIO(read_bytes(study.table)))
+    table = pd.read_parquet(io.BytesIO(read_bytes(study.table)))
+    every = {label: dict(settings) for label, settings in study.conditions.items()}
+    for name in Settings.model_fields:
+        if name not in table and len({str(values[name]) for values in every.values()}) > 1:
+            table[name] = table.condition.astype(object).map({label: values[name] for label, values in every.items()})
+    return table
 
 
 def _write_table(study: Study, held: _Held) -> list[dict[str, str]]:

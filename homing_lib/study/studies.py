@@ -5,33 +5,91 @@ of `Settings`. Everything that is judged runs on seeds from 1000 up. Further stu
 why it learns in `mechanism`, what the reward does in `readings`, what it is worth in `opponents`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+import pkgutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
+from graphlib import TopologicalSorter
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from homing_lib.settings import Settings
-from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, trials, views
-from homing_lib.study.runs import DATA, Study, episodes_of, load_table
+from homing_lib.study.measures import TRIAL_LIGHTS, episodes, shortest, totals, trials, views
+from homing_lib.study.runs import DATA, Measure, Study, episodes_of, load_table
 
 JUDGED = range(1000, 1050)
 
 FRESH = range(2000, 2050)
 """For questions that were asked once the runs of `JUDGED` had been seen."""
 
-_LISTED: list[Callable[[], Study]] = []
+CHOOSE, THEN = range(20), range(20, 100)
+"""For choices: all candidates drive with the first, the best of them with the others."""
+
+ROBOTS, ROOM_ROBOTS, CAMERA_ROBOTS = range(10_000, 11_500), range(10_000, 10_500), range(10_000, 10_050)
+"""For what is judged: in the paper's room, in each other room, with the camera."""
+
+ROOMS = ("paper", "divided", "attic", "hall", "cell", "workshop")
+UNLIKE = ("attic", "hall", "cell", "workshop")  # the paper's; `divided` is that with a partition
+
+_LISTED: dict[str, "Study | Later"] = {}
 
 
-def study(name: str, reason: str, conditions: Mapping[str, Settings], *how: Any) -> Study:
-    """A `Study` on the list of those that `homing studies` shows and `make data` computes.
-
-    how: seeds, measure and atlases; by default the seeds that are judged by, and a table of episodes.
-    """
-    made = Study(name, reason, conditions, *(how or (JUDGED, episodes)))
-    _LISTED.append(lambda: made)
+def study(
+    name: str,
+    reason: str,
+    conditions: Mapping[str, Settings],
+    seeds: Sequence[int] = JUDGED,
+    measure: Measure | None = episodes,
+    atlases: Sequence[Settings] = (),
+) -> Study:
+    """A `Study` on the list of those that `homing studies` shows and `make data` computes."""
+    made = Study(name, reason, conditions, seeds, measure, atlases)
+    _LISTED[name] = made
     return made
+
+
+class Later:
+    """A study that depends on the tables of others: calling this makes it. It is listed, after those that it needs."""
+
+    def __init__(self, needs: Iterable[Any], make: Callable[[], Study]) -> None:
+        self.needs, self._make = list(needs), cache(make)
+        _LISTED[f"later {len(_LISTED)}"] = self
+
+    def __call__(self) -> Study:
+        """The study. Raises UserError if a table that it needs is not there."""
+        return self._make()
+
+
+def later(*needs: Any) -> Callable[[Callable[[], Study]], Later]:
+    """Stands above a function that makes a study from the tables of those that it needs."""
+    return lambda make: Later(needs, make)
+
+
+def labelled(conditions: Iterable[Settings]) -> dict[str, Settings]:
+    """Settings by what varies among them, as a text; `load_table` has it in columns."""
+    every = [dict(settings) for settings in dict.fromkeys(conditions)]
+    varied = [name for name in every[0] if len({str(values[name]) for values in every}) > 1]
+    return {" ".join(f"{name}={values[name]}" for name in varied) or "all": Settings(**values) for values in every}
+
+
+CHANCE = study(
+    "chance",
+    "How many steps do random actions take in each room? Who takes more in its last five episodes is lost.",
+    labelled(Settings(images="atlas", room=room, controller="random") for room in ROOMS),
+    ROOM_ROBOTS,
+    totals,
+)
+
+
+def rows(table: Any, **settings: Any) -> Any:
+    """Rows of a study's table with these settings, seeds in order."""
+    for name, value in settings.items():
+        table = table[table[name] == value]
+    if table.empty:
+        raise ValueError(f"no runs with {settings}")
+    return table.sort_values("seed", kind="stable")
 
 
 # --- What is judged --------------------------------------------------------------------------------------------------
@@ -133,9 +191,9 @@ AFTER = study(
     [_COARSER.with_changes(light=light) for light in TRIAL_LIGHTS],
 )
 
-ROOMS = study(
-    "rooms",
-    "Nothing was fitted to one room: the same settings with a partition in the way, and in another room.",
+ROBUST = study(
+    "robust",
+    "The same settings with a partition in the way, and in another room.",
     {
         f"{room}, {controller}": _COARSER.with_changes(room=room, controller=controller)
         for room in ("paper", "divided", "attic")
@@ -232,7 +290,7 @@ def calibration_score(table: Any) -> Any:
     return pd.Series(scores).sort_values(kind="stable")
 
 
-@cache
+@later(CALIBRATION)
 def finalists() -> Study:
     """The sixteen best of the calibration on ninety more seeds, since the best of many is flattered by luck."""
     best = calibration_score(load_table(CALIBRATION)).index[:16]
@@ -245,14 +303,16 @@ def finalists() -> Study:
     )
 
 
-_LISTED.append(finalists)
-
-
 def in_order() -> Iterator[Study]:
-    """All studies: those here, of which the last needs the table of the one before it, then the others."""
+    """All studies, in whichever file they stand, each after those that it needs."""
+    import homing_lib.study.questions
     from homing_lib.study import judges, mechanism, opponents, readings  # noqa: F401, which list theirs when imported
 
-    return (each() for each in _LISTED)
+    for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
+        import_module(f"homing_lib.study.questions.{module.name}")
+    listed = sorted(_LISTED.values(), key=lambda one: isinstance(one, Later))
+    order = TopologicalSorter({one: one.needs if isinstance(one, Later) else () for one in listed})
+    return (one() if isinstance(one, Later) else one for one in order.static_order())
 
 
 PAGE = DATA / "STUDIES.md"  # all studies on one page

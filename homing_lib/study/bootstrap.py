@@ -1,0 +1,107 @@
+"""What may be said about few robots: an estimate, its 95 % interval, and the word that the interval allows.
+
+The robot is the unit: its episodes depend on each other, its seed on nothing. Intervals are percentile intervals of the
+bootstrap, which draws robots; a robot brings all that its seed has done. Where k comparisons are judged together, each
+interval is that of 1 - .05/k (Bonferroni), so that with 95 % certainty all of them hold at once.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.stats import norm
+
+from homing_lib.features import Array
+
+RESAMPLES = 9999
+
+SAME = 1.1
+"""Steps that differ by no more than this factor, whichever way, are called the same."""
+
+SAME_SHARE = 0.02  # and shares that differ by no more than this
+
+Word = Literal["the same", "fewer", "more", "undecided"]
+Statistic = Callable[[Array, Array], Array]
+
+
+class Interval(NamedTuple):
+    """An estimate and the ends of its interval. f"{interval:.2f}" writes all three: 0.50 [0.40, 0.61]."""
+
+    value: float
+    low: float
+    high: float
+
+    def __format__(self, each: str) -> str:
+        return f"{self.value:{each}} [{self.low:{each}}, {self.high:{each}}]"
+
+
+@cache
+def draws(robots: int) -> Array:
+    """How often each robot is drawn in each resample, shape (RESAMPLES, robots): the same for all that is estimated."""
+    counts: Array = (
+        np.random.default_rng(0).multinomial(robots, np.full(robots, 1 / robots), size=RESAMPLES).astype(np.float64)
+    )
+    counts.flags.writeable = False
+    return counts
+
+
+def bootstrap(estimate: Callable[[Array], Array], robots: int, family: int = 1) -> Interval:
+    """Of anything that is estimated from robots. estimate: takes how often each is drawn, shape (k, robots), and
+    returns k numbers. family: how many comparisons are judged together. One robot says nothing of how robots differ:
+    its ends are NaN.
+    """
+    value = float(estimate(np.ones((1, robots)))[0])
+    if robots < 2:
+        return Interval(value, np.nan, np.nan)
+    low, high = np.percentile(estimate(draws(robots)), (2.5 / family, 100 - 2.5 / family))
+    return Interval(value, float(low), float(high))
+
+
+def mean(values: Array, counts: Array) -> Array:
+    """Mean of numbers, one per robot, in each resample; of rows of numbers, shape (robots, n), shape (k, n)."""
+    return np.asarray(counts @ values / counts.shape[1])
+
+
+def iqm(values: Array, counts: Array | None = None) -> Array:
+    """Interquartile mean, which tells of the typical robot: n/4 robots, rounded down, are left out at each end."""
+    counts = np.ones((1, len(values))) if counts is None else counts
+    order, robots = np.argsort(values, kind="stable"), len(values)
+    cut = robots // 4
+    up_to = np.clip(counts[:, order].cumsum(axis=1), cut, robots - cut)
+    return np.asarray(np.diff(up_to, axis=1, prepend=cut) @ values[order] / (robots - 2 * cut))
+
+
+def estimated(values: Array, statistic: Statistic = mean, family: int = 1) -> Interval:
+    """A statistic of numbers, one per robot."""
+    return bootstrap(lambda counts: statistic(values, counts), len(values), family)
+
+
+def ratio(ours: Array, theirs: Array, statistic: Statistic = mean, family: int = 1) -> Interval:
+    """A statistic of our robots over that of theirs; element i of both has the same seed, and is drawn with it."""
+    return bootstrap(lambda counts: statistic(ours, counts) / statistic(theirs, counts), len(ours), family)
+
+
+def pooled(pairs: list[tuple[Array, Array]], statistic: Statistic = mean, family: int = 1) -> Interval:
+    """Geometric mean of such ratios, of a room each: it speaks of other robots in these rooms, not of other rooms."""
+
+    def estimate(counts: Array) -> Array:
+        return np.exp(np.mean([np.log(statistic(a, counts) / statistic(b, counts)) for a, b in pairs], axis=0))
+
+    return bootstrap(estimate, len(pairs[0][0]), family)
+
+
+def word_of(found: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
+    """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`."""
+    if same[0] <= found.low and found.high <= same[1]:
+        return "the same"
+    return "fewer" if found.high < equal else "more" if found.low > equal else "undecided"
+
+
+def smallest_ratio(ours: Array, theirs: Array, robots: int, family: int = 1) -> float:
+    """The ratio of means that so many robots can tell from 1, in 80 of 100 studies, by how other robots differ.
+
+    ours, theirs: steps of those others, one per robot, seeds in order. family: as in `bootstrap`.
+    """
+    spread = np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots)
+    return float(np.exp((norm.ppf(1 - 0.025 / family) + norm.ppf(0.8)) * spread))

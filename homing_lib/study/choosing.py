@@ -1,0 +1,82 @@
+"""Choices, step sizes above all: made on seeds that nothing is judged by, by halving, and stored.
+
+All candidates drive with a few seeds; the best of each group drive with the others; the best of these is chosen. What
+counts is the mean of a robot's total steps, with an episode cut at `CUT`: else a single lost robot would choose.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+from homing_lib.settings import Settings
+from homing_lib.study.measures import totals
+from homing_lib.study.runs import Measure, Study, load_table
+from homing_lib.study.studies import CHOOSE, THEN, Later, labelled
+
+STEP_SIZES = (4e-5, 1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
+"""Five, a factor of some 3 apart, and one below them, at which the smallest of the five was chosen in some room."""
+
+
+def but_for_the_step_size(settings: Settings) -> str:
+    """Candidates that are alike but for the step size compete."""
+    return settings.with_changes(alpha0=Settings().alpha0).digest
+
+
+class Choice:
+    """Candidates in groups; those of a group compete.
+
+    first, second: the two studies, data/<name>.parquet and data/<name>-best.parquet. candidates: settings, or what
+    returns them once the studies that it `needs` are there. keep: how many of a group come to the second study, which
+    takes the seeds `then`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        reason: str,
+        candidates: Sequence[Settings] | Callable[[], Sequence[Settings]],
+        group: Callable[[Settings], Any] = but_for_the_step_size,
+        *,
+        measure: Measure = totals,
+        keep: int = 2,
+        seeds: Sequence[int] = CHOOSE,
+        then: Sequence[int] = THEN,
+        needs: Sequence[Any] = (),
+    ) -> None:
+        self._group, self._keep, self._told = group, keep, (name, reason, then, measure)
+
+        def first() -> Study:
+            of = candidates() if callable(candidates) else candidates
+            return Study(name, f"{reason} All candidates.", labelled(of), seeds, measure)
+
+        self.first = Later(needs, first)
+        self.second = Later([self.first], self._best_again)
+        self._best = cache(lambda: self._ranked(self.second()))
+
+    def _best_again(self) -> Study:
+        name, reason, seeds, measure = self._told
+        best = [settings for group in self._ranked(self.first()).values() for settings, _ in group[: self._keep]]
+        told = f"{reason} The best {self._keep} of each in `{name}`, on further seeds."
+        return Study(f"{name}-best", told, labelled(best), seeds, measure)
+
+    def _ranked(self, of: Study) -> dict[Any, list[tuple[Settings, float]]]:
+        """Of each group, settings and scores, best first."""
+        score = load_table(of).groupby("condition", observed=True).cut.mean()
+        groups: dict[Any, list[tuple[Settings, float]]] = {}
+        for label, settings in of.conditions.items():
+            groups.setdefault(self._group(settings), []).append((settings, float(score[label])))
+        return {group: sorted(some, key=lambda one: one[1]) for group, some in groups.items()}
+
+    def best(self, like: Settings) -> Settings:
+        """What was chosen in the group of these settings."""
+        return self._best()[self._group(like)][0][0]
+
+    def score(self, like: Settings) -> float:
+        """Its mean total steps on the second seeds, episodes cut."""
+        return self._best()[self._group(like)][0][1]
+
+    def robots(self, like: Settings) -> Any:
+        """Rows of the table of the second seeds, of what was chosen, seeds in order."""
+        table, chosen = load_table(self.second()), self.best(like)
+        label = next(name for name, one in self.second().conditions.items() if one == chosen)
+        return table[table.condition == label].sort_values("seed")

@@ -1,0 +1,248 @@
+"""Questions, and claims of the paper: how each is judged, what was found, and where that is stored.
+
+A judge takes the tables of its studies and returns a verdict, in a word that its predicate names, and the comparisons
+that it rests on. `make data` judges and stores (`data/findings.json`); all others read that. A new question is a new
+file in `questions/`.
+"""
+
+import hashlib
+import json
+import pkgutil
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import homing_lib.study.questions
+from homing_lib.errors import DamagedFile, UserError, nearest, shown
+from homing_lib.features import Array
+from homing_lib.storage import read_bytes, write_bytes
+from homing_lib.study import bootstrap
+from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
+from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
+
+FILE = DATA / "findings.json"
+
+HOW = """**How it is judged.** Everything that is chosen, step sizes above all, is chosen on seeds 0 to 99; what is
+judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones its mean of the
+last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means, those of late
+steps of interquartile means, which tell of the typical robot. A robot is *lost* if it diverged or takes, in its last
+five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of 9,999 bootstrap
+samples, in which a seed brings all that it has done; of k comparisons that are judged together each is that of 1 -
+.05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else *fewer* or *more*,
+if it leaves out 1; else *undecided*."""
+
+
+class Comparison(NamedTuple):
+    """One number of a finding: what it is, its interval, and the word that the interval allows ("" if none is asked).
+
+    judged: the verdict rests on it, and its interval is widened accordingly. f"{comparison:.2f}" writes the interval.
+    """
+
+    value: float
+    low: float
+    high: float
+    word: str = ""
+    judged: bool = False
+
+    @property
+    def interval(self) -> Interval:
+        """Without the word."""
+        return Interval(self.value, self.low, self.high)
+
+    def __format__(self, each: str) -> str:
+        return format(self.interval, each)
+
+
+def of(found: Interval, word: str = "", *, judged: bool = False) -> Comparison:
+    """A number with its word."""
+    return Comparison(*found, word, judged)
+
+
+def steps(
+    ours: Array, theirs: Array, statistic: Statistic = mean, *, family: int = 1, judged: bool | None = None
+) -> Comparison:
+    """Steps as a multiple of others', one number per robot, the same seeds in order; judged, if in a family."""
+    found = bootstrap.ratio(ours, theirs, statistic, family)
+    return of(found, word_of(found), judged=family > 1 if judged is None else judged)
+
+
+def shares(ours: Array, theirs: Array, *, family: int = 1) -> Comparison:
+    """By how much one share exceeds another; each robot's own, or whether it is so."""
+    found = bootstrap.estimated(np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float), family=family)
+    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=family > 1)
+
+
+def estimate(values: Array, statistic: Statistic = mean, *, family: int = 1) -> Comparison:
+    """A statistic of numbers, one per robot, without a word."""
+    return of(bootstrap.estimated(np.asarray(values, dtype=float), statistic, family))
+
+
+def bound(found: Interval, limit: float) -> str:
+    """Whether a number lies, with its whole interval, "above" or "below" a limit; else "undecided"."""
+    return "above" if found.low > limit else "below" if found.high < limit else "undecided"
+
+
+Judged = tuple[str, Mapping[str, Comparison]]
+
+
+class Question(NamedTuple):
+    """What is asked, or what the paper says; how it is decided; by what."""
+
+    name: str
+    text: str
+    predicate: str
+    studies: tuple[Any, ...]  # `Study`, or what makes one once its choices are known
+    judge: Callable[..., Judged]
+
+    @property
+    def tables(self) -> list[Study]:
+        """The studies that its judge takes the tables of."""
+        return [one if isinstance(one, Study) else one() for one in self.studies]
+
+
+_QUESTIONS: dict[str, Question] = {}
+
+
+def question(name: str, text: str, predicate: str, *studies: Any) -> Callable[[Callable[..., Judged]], Any]:
+    """Stands above a judge. name: a word, or "C1", ... for a claim of the paper; predicate: what decides, and how."""
+
+    def register(judge: Callable[..., Judged]) -> Callable[..., Judged]:
+        if name in _QUESTIONS and _QUESTIONS[name].judge.__module__ != judge.__module__:
+            raise ValueError(f"{name} is judged already, in {_QUESTIONS[name].judge.__module__}")
+        _QUESTIONS[name] = Question(name, text, " ".join(predicate.split()), studies, judge)
+        return judge
+
+    return register
+
+
+def questions() -> dict[str, Question]:
+    """All questions, in the order of the article, then the claims by number, in whichever file they stand."""
+    for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
+        import_module(f"homing_lib.study.questions.{module.name}")
+    return {name: _QUESTIONS[name] for name in sorted(_QUESTIONS, key=_place)}
+
+
+ORDER = ("printed", "learns", "home", "drives", "conjugate", "varying", "rooms", "worth")
+"""Of the sections of the article; what is not in it comes after, by name."""
+
+
+def _place(name: str) -> tuple[bool, int, str]:
+    if name[0] == "C" and name[1:].isdecimal():
+        return True, int(name[1:]), ""
+    return False, ORDER.index(name) if name in ORDER else len(ORDER), name
+
+
+class Finding(NamedTuple):
+    """What was found. str() is a paragraph in Markdown, and one of the predicate."""
+
+    name: str
+    verdict: str
+    comparisons: dict[str, Comparison]
+
+    @property
+    def question(self) -> Question:
+        """What it answers."""
+        return questions()[self.name]
+
+    def __getitem__(self, name: Any) -> Any:
+        """A comparison, by its name."""
+        if name not in self.comparisons:
+            raise KeyError(f"{self.name}: no comparison {name!r}{nearest(str(name), self.comparisons)}")
+        return self.comparisons[name]
+
+    def below(self, prefix: str) -> dict[str, Comparison]:
+        """Comparisons whose names begin so, by the rest of their names."""
+        return {name[len(prefix) :]: one for name, one in self.comparisons.items() if name.startswith(prefix)}
+
+    def __str__(self) -> str:
+        asked = self.question
+        rows = [f"**{asked.text}** **{self.verdict}**", "", f"> *Predicate*: {asked.predicate}"]
+        return "\n".join(rows)
+
+
+def judge(name: str) -> Finding:
+    """Judge anew, from the stored tables. Raises UserError if they are not sound."""
+    asked = questions()[name]
+    verdict, comparisons = asked.judge(*map(load_table, asked.tables))
+    return Finding(name, verdict, {key: Comparison(*one) for key, one in comparisons.items()})
+
+
+def _made_from(asked: Question) -> str:
+    """A hash of what a finding depends on: its tables, its judge, and what all judges use."""
+    found = hashlib.sha256(fingerprint(asked.tables).encode())
+    for file in (import_module(asked.judge.__module__).__file__, bootstrap.__file__, __file__):
+        found.update(Path(str(file)).read_bytes())
+    return found.hexdigest()[:16]
+
+
+def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None:
+    """Judge whatever is not judged yet, or rests on other tables now, and store what was found."""
+    before, now = _stored(), {}
+    asked = questions()
+    for name in progress(list(asked)):
+        made_from = _made_from(asked[name])
+        entry = before.get(name)
+        if entry is None or entry["made from"] != made_from:
+            found = judge(name)
+            numbers = {
+                key: [*(float(f"{end:.6g}") for end in one.interval), one.word, one.judged]
+                for key, one in found.comparisons.items()
+            }
+            entry = {"verdict": found.verdict, "made from": made_from, "comparisons": numbers}
+        now[name] = entry
+    lines = [
+        f'"{name}": {{"verdict": {json.dumps(entry["verdict"])}, "made from": "{entry["made from"]}", "comparisons": {{\n'
+        + ",\n".join(f"  {json.dumps(key)}: {json.dumps(one)}" for key, one in entry["comparisons"].items())
+        + "\n}}"
+        for name, entry in now.items()
+    ]
+    content = ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+    if not FILE.exists() or FILE.read_bytes() != content:
+        write_bytes(FILE, content)
+        stored.cache_clear()
+
+
+def _stored() -> dict[str, Any]:
+    try:
+        found = json.loads(read_bytes(FILE))
+        for entry in found.values():
+            entry["verdict"], entry["made from"], {key: Comparison(*one) for key, one in entry["comparisons"].items()}
+    except FileNotFoundError:
+        return {}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise DamagedFile(f"{FILE}: damaged file ({error}); delete it, and `make data` judges anew") from None
+    return dict(found)
+
+
+@cache
+def stored() -> dict[str, Finding]:
+    """All that was found, by name. Raises UserError if it is not stored, or damaged."""
+    found = _stored()
+    if not found:
+        raise missing(FILE, "missing; `make data` judges")
+    return {
+        name: Finding(name, entry["verdict"], {key: Comparison(*one) for key, one in entry["comparisons"].items()})
+        for name, entry in found.items()
+    }
+
+
+def finding(name: str) -> Finding:
+    """What was found about a question or claim, by its name. Raises UserError for a name that there is not."""
+    if name not in stored():
+        raise UserError(
+            f"{shown(name)}: no such question or claim; there are {', '.join(stored())}{nearest(name, stored())}"
+        )
+    return stored()[name]
+
+
+def verdicts() -> dict[str, str]:
+    """Every word that prose may rest on: of each question and claim, and of each of its comparisons that has one."""
+    words = {}
+    for name, found in stored().items():
+        words[name] = found.verdict
+        words |= {f"{name}.{key}": one.word for key, one in found.comparisons.items() if one.word}
+    return words

@@ -1,0 +1,293 @@
+"""What drives the learning: the reward, the start value, what home is worth; the policy learnt, or the learning under way?
+
+A robot that has learnt is tried in several ways, from the room's start and with its own exploration. *Restored*: it goes
+on learning, but each trial begins with the saved weights. *Frozen*: the same weights, no learning. *Forgetful*: it
+learns, but each trial begins with the initial weights. *Untrained*: the initial weights, no learning. So the weights
+that were learnt and the learning under way are each there or not, in all four ways.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from homing_lib.agent import STEP_COLUMNS, ClimbingAgent, RandomAgent
+from homing_lib.environment import HomingEnv
+from homing_lib.features import Array
+from homing_lib.settings import Settings
+from homing_lib.study.engine import run_episode
+from homing_lib.study.findings import Comparison, Judged, estimate, question, shares, steps
+from homing_lib.study.measures import TRIAL_STEPS, rows_after
+from homing_lib.study.questions import varying
+from homing_lib.study.robots import FrozenAgent, RestoredAgent
+from homing_lib.study.runs import Columns, Study
+from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, rows, study
+from homing_lib.thresholds import stopping_thresholds
+
+AFTER = (5, 10, 20)
+JUDGED_AFTER = 10
+
+CAPS = (TRIAL_STEPS, 2000)
+
+KINDS = ("learning on", "restored", "frozen", "greedy", "forgetful", "untrained", "climb", "random")
+
+
+def after(episodes: int, **changes: Any) -> Settings:
+    """The first episodes of the schedule of twenty, its rates continued where there are more."""
+    return Settings(
+        images="atlas", episodes=episodes, first_episode_share=Settings().first_episode / episodes
+    ).with_changes(**changes)
+
+
+def tried(settings: Settings, seed: int) -> Columns:
+    """What a robot that has learnt does from the start, tried in all ways. One row for each, `kind`, its place in KINDS.
+
+    Means over three trials (with the camera, one) of at most 2,000 steps: `steps`, the same cut at TRIAL_STEPS, `cut`,
+    and `home`, whether it came home; then `stay_up` and `stay_down`, the shares of the steps after which the same action
+    was taken again, where the view had come closer to the snapshot and where it had not; and `at_wall`. Of the last
+    thousand steps of those trials that did not come home: `one_action`, the share of the action taken most; `spread_m`,
+    the root mean square distance from their mean place; `stuck_at_wall`.
+    """
+    names = (
+        "kind",
+        "steps",
+        "cut",
+        "home",
+        "stay_up",
+        "stay_down",
+        "at_wall",
+        "one_action",
+        "spread_m",
+        "stuck_at_wall",
+    )
+    trials = 1 if settings.images == "camera" else 3
+
+    def trials_of(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
+        saved, initial = agent.learner.weights.copy(), np.full_like(agent.learner.weights, settings.theta0)
+        with HomingEnv(settings.with_changes(max_steps=CAPS[-1]), observation="features", model=env.model) as world:
+            for kind, name in enumerate(KINDS):
+                rng = np.random.default_rng([seed, 6, kind])
+                agent.rng = rng
+                agent.begin_episode(settings.episodes + 1)
+                agent.learner.weights[:] = initial if name in ("forgetful", "untrained") else saved
+                driver = _driver(name, agent, settings, rng)
+                world.reset(seed=seed)
+                each = []
+                for _ in range(trials):
+                    driver.begin_episode(settings.episodes + 1)
+                    each.append(run_episode(world, driver))
+                yield (float(kind), *_told(each))
+            agent.learner.weights[:] = saved
+
+    return rows_after(settings, seed, names, trials_of)
+
+
+def _driver(kind: str, agent: Any, settings: Settings, rng: np.random.Generator) -> Any:
+    if kind in ("climb", "random"):
+        return (ClimbingAgent if kind == "climb" else RandomAgent)(settings, rng)
+    if kind in ("restored", "forgetful"):
+        return RestoredAgent(agent)
+    return agent if kind == "learning on" else FrozenAgent(agent, greedy=kind == "greedy")
+
+
+def _told(trials: list[tuple[Array, bool]]) -> tuple[float, ...]:
+    lengths = np.array([len(path) for path, _ in trials], dtype=float)
+    action, similarity, at_wall = (STEP_COLUMNS.index(name) for name in ("action", "similarity", "at_wall"))
+    again, rose = [], []
+    for path, _ in trials:
+        chosen = (path[1:-1, at_wall] == 0) & (path[2:, at_wall] == 0)  # the reflex keeps to its side
+        again.append((path[2:, action] == path[1:-1, action])[chosen])
+        rose.append((np.diff(path[:-1, similarity]) > 0)[chosen])
+    same, up = np.concatenate(again), np.concatenate(rose)
+    stuck = [path[-1000:] for path, home in trials if not home]
+    held = np.array(
+        [
+            (
+                np.unique(path[:, action], return_counts=True)[1].max() / len(path),
+                np.sqrt(path[:, :2].var(axis=0).sum()),
+                path[:, at_wall].mean(),
+            )
+            for path in stuck
+        ]
+        or [(np.nan,) * 3]
+    ).mean(axis=0)
+    walls = np.concatenate([path[:, at_wall] for path, _ in trials]).mean()
+    stay = [same[some].mean() if some.any() else np.nan for some in (up, ~up)]
+    home = np.mean([reached for _, reached in trials])
+    cut = np.minimum(lengths, CAPS[0]).mean()
+    return tuple(map(float, (lengths.mean(), cut, home, *stay, walls, *held)))
+
+
+PAPER = study(
+    "drives",
+    "After 5, 10 and 20 episodes: is it the weights learnt that bring the robot home, or the learning under way?",
+    labelled(after(number) for number in AFTER),
+    ROBOTS,
+    tried,
+)
+
+IN_ROOMS = study(
+    "drives-rooms",
+    "The same after ten episodes in five other rooms.",
+    labelled(after(JUDGED_AFTER, room=room) for room in ROOMS if room != "paper"),
+    ROOM_ROBOTS,
+    tried,
+)
+
+SLIP = study(
+    "drives-slip",
+    "The same with wheels that slip by 2 %: is it that a lattice sends the robot round the very same poses?",
+    labelled([after(JUDGED_AFTER, wheel_slip=0.02)]),
+    ROOM_ROBOTS,
+    tried,
+)
+
+CAMERA = study(
+    "drives-camera",
+    "The same with the camera.",
+    labelled([after(JUDGED_AFTER, images="camera")]),
+    CAMERA_ROBOTS,
+    tried,
+)
+
+
+@later(varying.CHOICE.second)
+def BY_RULE() -> Study:
+    """Other rules of lambda."""
+    return Study(
+        "drives-rules",
+        "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
+        labelled(
+            _as_after(varying.chosen("paper", update, rule))
+            for update in varying.UPDATES
+            for rule in (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
+        ),
+        ROOM_ROBOTS,
+        tried,
+    )
+
+
+def _as_after(settings: Settings) -> Settings:
+    short = after(JUDGED_AFTER)
+    return settings.with_changes(episodes=short.episodes, first_episode_share=short.first_episode_share)
+
+
+WORTH = round(Settings().n_features * stopping_thresholds(Settings().multiplier).upper, 1)
+"""n psi_upper: what the view that ends an episode is worth at theta_0 = 1, and so the bonus in place of a bootstrap."""
+
+START: dict[str, dict[str, Any]] = {
+    "as is": {},
+    "no reward": {"reward_scale": 0.0},
+    "reward negated": {"reward_scale": -1.0},
+    "constant cost": {"step_cost": "constant", "approach_reward": False},
+    "home masked": {"bootstrap_terminal": False},
+    "home masked, a bonus instead": {"bootstrap_terminal": False, "terminal_bonus": WORTH},
+    "start value a tenth": {"theta0": 0.1},
+    "start value 0": {"theta0": 0.0},
+    "start value 0, home masked, a bonus instead": {
+        "theta0": 0.0,
+        "bootstrap_terminal": False,
+        "terminal_bonus": WORTH,
+    },
+}
+"""Reward, start value and what home is worth. With theta_0 = 1 the value of an action is at first n times the similarity
+of the view: potential-based shaping (Ng, Harada and Russell, ICML 1999; as a start value, Wiewiora, JAIR 19, 2003)."""
+
+BY_START = study(
+    "drives-start",
+    "Reward, start value and what home is worth, after twenty episodes: what does the robot learn by?",
+    labelled(after(20, **changes) for changes in START.values()),
+    ROOM_ROBOTS,
+    tried,
+)
+
+
+def of_kind(table: Any, kind: str, **settings: Any) -> Any:
+    """One row per robot. A run that diverged has none, and counts as one that never comes home."""
+    here = rows(table, **settings)
+    seeds = np.sort(here.seed.unique())
+    return here[here.kind == KINDS.index(kind)].set_index("seed").reindex(seeds)
+
+
+def taken(robots: Any, cap: int = CAPS[-1]) -> Array:
+    """Steps of a trial, at most so many, one number per robot."""
+    column = "steps" if cap == CAPS[-1] else "cut"
+    return np.asarray(robots[column].fillna(cap).to_numpy(float))
+
+
+PAIRS = {"restored.frozen": ("restored", "frozen"), "restored.forgetful": ("restored", "forgetful")}
+"""Is the learning under way needed, and are the weights that were learnt?"""
+
+BESIDE = {"frozen.random": ("frozen", "random"), "frozen.untrained": ("frozen", "untrained")}
+
+
+def compared(table: Any, name: str, family: int = 1, **settings: Any) -> dict[str, Comparison]:
+    """Trials of each kind, and the pairs, at both caps."""
+    found: dict[str, Comparison] = {}
+    kinds = {kind: of_kind(table, kind, **settings) for kind in KINDS}
+    for cap in CAPS:
+        for pair, (ours, theirs) in (PAIRS | BESIDE).items():
+            k = family if pair in PAIRS else 1
+            found[f"{name}.{pair}.{cap}"] = steps(taken(kinds[ours], cap), taken(kinds[theirs], cap), family=k)
+    for kind, its in kinds.items():
+        found[f"{name}.{kind}.steps"] = estimate(taken(its))
+        found[f"{name}.{kind}.cut"] = estimate(taken(its, CAPS[0]))
+        found[f"{name}.{kind}.home"] = estimate(its.home.fillna(0))
+    found[f"{name}.home"] = shares(kinds["restored"].home.fillna(0), kinds["frozen"].home.fillna(0))
+    return found
+
+
+FAMILY = len(ROOMS) * len(PAIRS) * len(CAPS)
+
+
+VERDICTS = {
+    (True, True): "both together",
+    (True, False): "the learning under way",
+    (False, True): "the policy learnt",
+    (False, False): "neither",
+}
+
+
+@question(
+    "drives",
+    "What brings the robot home: the policy that it has learnt, or the learning under way?",
+    """After ten of the twenty episodes, from the room's start. The learning under way is needed where the restored robot
+    takes fewer steps than the frozen one; the weights learnt are needed where it takes fewer than the forgetful one; at
+    caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two caps). The verdict: "both together", if in
+    each room and at each cap both are; "the learning under way", if only it is, everywhere; "the policy learnt",
+    likewise; "neither", if neither is anywhere; else "it depends on the room". Beside it: the camera, slipping wheels,
+    other rules of lambda, other numbers of episodes, other rewards and start values.""",
+    PAPER,
+    IN_ROOMS,
+    SLIP,
+    CAMERA,
+    BY_RULE,
+    BY_START,
+)
+def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_start: Any) -> Judged:
+    """In six rooms, and from several sides."""
+    found = compared(paper, "paper", FAMILY, episodes=JUDGED_AFTER)
+    for room in ROOMS[1:]:
+        found |= compared(others, room, FAMILY, room=room)
+    needed = {pair: {found[f"{room}.{pair}.{cap}"].word == "fewer" for room in ROOMS for cap in CAPS} for pair in PAIRS}
+    verdict = "it depends on the room"
+    if all(len(everywhere) == 1 for everywhere in needed.values()):
+        verdict = VERDICTS[needed["restored.frozen"] == {True}, needed["restored.forgetful"] == {True}]
+    for number in AFTER:
+        found |= compared(paper, f"after {number}", episodes=number)
+    found |= compared(slip, "slip")
+    found |= compared(camera, "camera")
+    for update in varying.UPDATES:
+        for rule in (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9"):
+            like = varying.chosen("paper", update, rule)
+            name = f"{update}.{rule.replace(varying.FORM_2, 'form2').replace(':', '')}"
+            found |= compared(by_rule, name, lambda_rule=like.lambda_rule, update=like.update, alpha0=like.alpha0)
+    for name, changes in START.items():
+        wanted = after(20, **changes)
+        varied = ("theta0", "bootstrap_terminal", "reward_scale", "step_cost", "terminal_bonus")
+        found |= compared(by_start, name, **{one: getattr(wanted, one) for one in varied})
+    for kind in ("restored", "frozen", "greedy", "climb"):
+        its = of_kind(paper, kind, episodes=JUDGED_AFTER)
+        for column in ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall"):
+            found[f"why.{kind}.{column}"] = estimate(its[column].dropna())
+    return verdict, found

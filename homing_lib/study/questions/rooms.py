@@ -1,0 +1,206 @@
+"""And in other rooms, and for whom the model was calibrated?
+
+The settings that the paper leaves open were calibrated with form 2 in the paper's room, which is an advantage there.
+So the same comparisons are made in five other rooms; and every learner is calibrated anew, form 2 too, with the same
+budget, in two rooms, and then drives with what suits the others as well.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import iqm, pooled, word_of
+from homing_lib.study.choosing import Choice
+from homing_lib.study.findings import Judged, estimate, of, question, steps
+from homing_lib.study.measures import totals
+from homing_lib.study.questions import varying
+from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
+from homing_lib.study.runs import Study
+from homing_lib.study.studies import CHANCE, ROOM_ROBOTS, ROOMS, UNLIKE, labelled, later, rows
+
+OTHERS = tuple(room for room in ROOMS if room != "paper")
+
+
+@later(varying.OWN.second)
+def JUDGED() -> Study:
+    """Five rooms."""
+    return Study(
+        "rooms",
+        "Form 2, the gate and fixed lambdas in five other rooms, each at its own best step size there.",
+        labelled(
+            one
+            for room in OTHERS
+            for update in UPDATES
+            for one in (
+                *(chosen(room, update, rule) for rule in varying.IN_ROOMS),
+                chosen_own(room, update, FORM_2),
+            )
+        ),
+        ROOM_ROBOTS,
+        totals,
+    )
+
+
+@later(varying.DRAWS.second)
+def JUDGED_DRAWS() -> Study:
+    """The same with draws."""
+    return Study(
+        "rooms-drawn",
+        "Lambdas drawn from form 2's own in these rooms, at their best step sizes.",
+        labelled(varying.DRAWS.best(varying.settings(room, update, FORM_2)) for room in OTHERS for update in UPDATES),
+        ROOM_ROBOTS,
+        varying.drawn,
+    )
+
+
+# --- Calibrated for whom? ----------------------------------------------------------------------------------------------
+
+LEARNERS: dict[str, dict[str, Any]] = {
+    "form2": {"lambda_rule": FORM_2},
+    "fixed": {},
+    "standard": {"update": "all"},
+    "masked": {"update": "all", "bootstrap_terminal": False},
+}
+"""Form 2 and a fixed lambda under the paper's update; standard Sarsa(lambda), home bootstrapped and masked."""
+
+CALIBRATED_IN = ("paper", "attic")
+
+CALIBRATED: dict[str, tuple[Any, ...]] = {
+    "alpha0": (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2),
+    "exploration": ("epsilon-greedy", 0.01, 0.03, 0.1),
+    "epsilon0": (0.0, 0.1, 0.3),
+    "first_episode_share": (0.1, 0.3, 1.0),
+    "lambda_rule": FIXED,
+}
+"""What is drawn. A number for the exploration is the temperature of the normalised mixture. Drive, variance and penalty
+stay as declared."""
+
+
+def _candidates(learner: str, count: int = 160) -> list[dict[str, Any]]:
+    rng, drawn = np.random.default_rng([*learner.encode()]), dict[str, dict[str, Any]]()
+    while len(drawn) < count:
+        values = {name: choices[rng.integers(len(choices))] for name, choices in CALIBRATED.items()}
+        exploration = values.pop("exploration")
+        mixture, tau0 = (exploration, 0.03) if isinstance(exploration, str) else ("normalised", exploration)
+        values |= {"mixture": mixture, "tau0": tau0, **LEARNERS[learner]}
+        drawn[str(values)] = values
+    return list(drawn.values())
+
+
+def learner_of(one: Settings) -> tuple[str, str]:
+    """Room and learner."""
+    standard = "standard" if one.bootstrap_terminal else "masked"
+    return one.room, "form2" if one.lambda_rule == FORM_2 else "fixed" if one.update == "taken" else standard
+
+
+CALIBRATION = Choice(
+    "rooms-calibration",
+    "Which step size, exploration and schedule, and which fixed lambda, suit which learner? 160 draws each.",
+    [
+        Settings(images="atlas", room=room, **values)
+        for room in CALIBRATED_IN
+        for learner in LEARNERS
+        for values in _candidates(learner)
+    ],
+    learner_of,
+    keep=16,
+    seeds=range(10),
+    then=range(10, 100),
+)
+
+
+def calibrated(room: str, learner: str) -> Settings:
+    """A learner with what suits it best in a room."""
+    return CALIBRATION.best(Settings(images="atlas", room=room, **{"lambda_rule": "fixed:0", **LEARNERS[learner]}))
+
+
+def with_settings_of(room: str, whose: str, learner: str) -> Settings:
+    """A learner, its lambda its own, with the step size, exploration and schedule that suit another, or "declared"."""
+    own = calibrated(room, learner)
+    others = Settings() if whose == "declared" else calibrated(room, whose)
+    names = ("alpha0", "mixture", "tau0", "epsilon0", "first_episode_share")
+    return own.with_changes(**{name: getattr(others, name) for name in names})
+
+
+@later(CALIBRATION.second)
+def MATRIX() -> Study:
+    """Everyone with what suits everyone."""
+    return Study(
+        "rooms-matrix",
+        "Does it depend on whom the model was calibrated for? Each learner with what suits each.",
+        labelled(
+            with_settings_of(room, whose, learner)
+            for room in CALIBRATED_IN
+            for whose in ("declared", *LEARNERS)
+            for learner in LEARNERS
+        ),
+        ROOM_ROBOTS,
+        totals,
+    )
+
+
+@question(
+    "rooms",
+    "Does a varying lambda help in other rooms, and whoever the model was calibrated for?",
+    """In each of the six rooms, under the paper's update, as the question before (k = 8 in each room). The verdict counts
+    the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's. Beside
+    it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
+    JUDGED,
+    JUDGED_DRAWS,
+    CHANCE,
+    MATRIX,
+    varying.JUDGED,
+    varying.JUDGED_DRAWS,
+)
+def rooms(table: Any, draws: Any, chance: Any, matrix: Any, paper: Any, paper_draws: Any) -> Judged:
+    """In six rooms, and calibrated for four learners."""
+    found = varying.of_room("paper", paper, paper_draws, chance)
+    for room in OTHERS:
+        found |= varying.of_room(room, table, draws, chance)
+    for update in UPDATES:
+        for who in OPPONENTS:
+            for endpoint, statistic in (("total", {}), ("cut", {}), ("late", {"statistic": iqm})):
+                pairs = [
+                    tuple(
+                        robots_of(one, room, update, table, draws)[endpoint].to_numpy(float) for one in ("form2", who)
+                    )
+                    for room in UNLIKE
+                ]
+                one = pooled(pairs, **statistic)  # type: ignore[arg-type]
+                found[f"pooled.{update}.{who}.{endpoint}"] = of(one, word_of(one))
+    for room in CALIBRATED_IN:
+        for whose in ("declared", *LEARNERS):
+            total = {
+                learner: _robots(matrix, with_settings_of(room, whose, learner)).total.to_numpy(float)
+                for learner in LEARNERS
+            }
+            for learner, its in total.items():
+                found[f"matrix.{room}.{whose}.{learner}.steps"] = estimate(its)
+                if learner != "form2":
+                    found[f"matrix.{room}.{whose}.{learner}.total"] = steps(total["form2"], its)
+    own = {
+        (room, learner): _robots(matrix, calibrated(room, learner)).total.to_numpy(float)
+        for room in CALIBRATED_IN
+        for learner in LEARNERS
+    }
+    for (room, learner), its in own.items():
+        if learner != "form2":
+            found[f"own.{room}.{learner}.total"] = steps(own[room, "form2"], its)
+    yes = sum(varying.helps(found, room) == "yes" for room in ROOMS)
+    return f"in {yes} of {len(ROOMS)} rooms", found
+
+
+def _robots(table: Any, wanted: Settings) -> Any:
+    names = (
+        "room",
+        "lambda_rule",
+        "update",
+        "bootstrap_terminal",
+        "alpha0",
+        "mixture",
+        "tau0",
+        "epsilon0",
+        "first_episode_share",
+    )
+    return rows(table, **{name: getattr(wanted, name) for name in names if name in table})

@@ -1,0 +1,282 @@
+"""Does a varying lambda help?
+
+Form 2 against lambdas that lack one thing each. Fixed ones do not vary. Draws from its own lambdas know nothing of the
+step, so that the timing is gone. The gate has its sign and not its size; the opposite gate has the wrong sign. As a
+longer trace is another learner, each also meets a fixed lambda at its own mean. Everyone has the step size that suits
+it best in its room and under its update (`CHOICE`).
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import Interval, iqm, smallest_ratio
+from homing_lib.study.choosing import STEP_SIZES, Choice
+from homing_lib.study.engine import run
+from homing_lib.study.findings import Comparison, Judged, estimate, of, question, shares, steps
+from homing_lib.study.measures import totals, totals_of
+from homing_lib.study.rules import ResampledLambda
+from homing_lib.study.runs import Columns, Study, load_table
+from homing_lib.study.studies import CHANCE, ROBOTS, ROOMS, labelled, later, rows
+
+UPDATES = ("taken", "all")
+
+FORM_2 = "fletcher-reeves"
+FIXED = tuple(f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9))
+IN_ROOMS = (FORM_2, "gate", *FIXED)
+"""Who drives in every room; draws from form 2's lambdas join them."""
+
+VARYING = {
+    "form2": FORM_2,
+    "form1": "hestenes-stiefel",
+    "form3": "polak-ribiere",
+    "gate": "gate",
+    "opposite": "gate:opposite",
+}
+"""The rules that vary, by their names in the findings."""
+
+
+def settings(room: str, update: str, rule: str, **changes: Any) -> Settings:
+    """On the 2 cm lattice. With lambda 0 no other action has a trace: both updates are one, and run once."""
+    update = "taken" if rule == "fixed:0" else update
+    return Settings(images="atlas", room=room, update=update, lambda_rule=rule, **changes)
+
+
+def _at_all_step_sizes(room: str, update: str, rule: str) -> list[Settings]:
+    return [settings(room, update, rule, alpha0=alpha) for alpha in STEP_SIZES]
+
+
+CASES = [(room, update) for room in ROOMS for update in UPDATES]
+
+CHOICE = Choice(
+    "varying-choice",
+    "Which step size suits which rule of lambda, in which room and under which update?",
+    [
+        one
+        for room, update in CASES
+        for rule in dict.fromkeys((*IN_ROOMS, *(VARYING.values() if room == "paper" else ())))
+        for one in _at_all_step_sizes(room, update, rule)
+    ],
+)
+
+
+def chosen(room: str, update: str, rule: str) -> Settings:
+    """A rule at the step size that suits it best."""
+    return CHOICE.best(settings(room, update, rule))
+
+
+def best_fixed(room: str, update: str) -> str:
+    """The fixed lambda that took the fewest steps, each at its own best step size."""
+    return min(FIXED, key=lambda rule: CHOICE.score(settings(room, update, rule)))
+
+
+# --- A fixed lambda at a rule's own mean -------------------------------------------------------------------------------
+
+
+@cache
+def own_mean(room: str, update: str, rule: str) -> str:
+    """The fixed lambda that a rule has on average, at its best step size."""
+    return f"fixed:{CHOICE.robots(settings(room, update, rule))['lambda'].mean():.2f}"
+
+
+def _with_own_mean(room: str) -> list[str]:
+    return list(VARYING.values()) if room == "paper" else [FORM_2]
+
+
+OWN = Choice(
+    "varying-own",
+    "Which step size suits a fixed lambda at the mean that a varying one has?",
+    lambda: [
+        one
+        for room, update in CASES
+        for rule in _with_own_mean(room)
+        for one in _at_all_step_sizes(room, update, own_mean(room, update, rule))
+    ],
+    needs=[CHOICE.second],
+)
+
+
+def chosen_own(room: str, update: str, rule: str) -> Settings:
+    """That fixed lambda at the step size that suits it best."""
+    return OWN.best(settings(room, update, own_mean(room, update, rule)))
+
+
+# --- Lambdas that know nothing of the step -----------------------------------------------------------------------------
+
+
+def lambdas_met(now: Settings, seed: int) -> Columns:
+    """Which lambdas a run had, to two digits, and how often (`count`); an episode's first step has none of its own."""
+    result = run(now, seed)
+    asked = np.setdiff1d(np.arange(len(result.steps)), result.ended - result.lengths)
+    met, count = np.unique(result.column("lambda")[asked].round(2), return_counts=True)
+    return {"met": met, "count": count.astype(float)}
+
+
+@later(CHOICE.second)
+def pool() -> Study:
+    """Form 2's lambdas at the step size that suits it."""
+    return Study(
+        "varying-pool",
+        "Which lambdas has form 2, and how often? From these are drawn lambdas that know nothing of the step.",
+        labelled(chosen(room, update, FORM_2) for room, update in CASES),
+        range(20, 28),
+        lambdas_met,
+    )
+
+
+@cache
+def _pool_of(room: str, update: str) -> Any:
+    return rows(load_table(pool()), room=room, update=update)
+
+
+def drawn(now: Settings, seed: int) -> Columns:
+    """`totals` of a run whose lambdas are drawn from the pool of its room and update, whatever the step."""
+    its_own = _pool_of(now.room, now.update)
+    rule = ResampledLambda(its_own.met, its_own["count"], np.random.default_rng([seed, 4]))
+    return totals_of(run(now, seed, lambda_rule=rule))
+
+
+DRAWS = Choice(
+    "varying-draws",
+    "Which step size suits lambdas that are drawn from form 2's own?",
+    [one for room, update in CASES for one in _at_all_step_sizes(room, update, FORM_2)],
+    measure=drawn,
+    needs=[pool],
+)
+
+# --- What is judged ----------------------------------------------------------------------------------------------------
+
+
+@later(OWN.second)
+def JUDGED() -> Study:
+    """The paper's room."""
+    return Study(
+        "varying",
+        "Form 2, the gates, the other forms and fixed lambdas in the paper's room, each at its own best step size.",
+        labelled(
+            one
+            for update in UPDATES
+            for one in (
+                *(chosen("paper", update, rule) for rule in dict.fromkeys((*IN_ROOMS, *VARYING.values()))),
+                *(chosen_own("paper", update, rule) for rule in VARYING.values()),
+            )
+        ),
+        ROBOTS,
+        totals,
+    )
+
+
+@later(DRAWS.second)
+def JUDGED_DRAWS() -> Study:
+    """The same with draws."""
+    return Study(
+        "varying-drawn",
+        "Lambdas drawn from form 2's own in the paper's room, at their best step size.",
+        labelled(DRAWS.best(settings("paper", update, FORM_2)) for update in UPDATES),
+        ROBOTS,
+        drawn,
+    )
+
+
+OPPONENTS = ("fixed0", "best", "draws", "gate")
+"""Those that the verdict rests on, under both updates: eight comparisons in a room."""
+
+FAMILY = len(OPPONENTS) * len(UPDATES)
+
+
+def robots_of(who: str, room: str, update: str, table: Any, draws: Any) -> Any:
+    """One row per robot. who: a name in VARYING, or one of OPPONENTS, or "mean of" such a name."""
+    if who == "draws":
+        return rows(draws, room=room, update=update) if "room" in draws else rows(draws, update=update)
+    if who.startswith("mean of "):
+        wanted = chosen_own(room, update, VARYING[who.removeprefix("mean of ")])
+    else:
+        rule = {"fixed0": "fixed:0", "best": best_fixed(room, update), **VARYING}[who]
+        wanted = chosen(room, update, rule)
+    of_these = {name: getattr(wanted, name) for name in ("update", "lambda_rule", "alpha0")}
+    return rows(table, **of_these, **({"room": room} if "room" in table else {}))
+
+
+def lost(robots: Any, room: str, chance: Any) -> Any:
+    """Which robots are lost: they diverged, or take more steps at the end than random actions do in their room."""
+    at_random = rows(chance, room=room).late.mean()
+    return ((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float)
+
+
+def against(ours: Any, theirs: Any, room: str, chance: Any, family: int = 1) -> dict[str, Comparison]:
+    """Total steps, the same with episodes cut at 500, late steps of the typical robot, and who is lost."""
+    a, b = ({name: one[name].to_numpy(float) for name in ("total", "cut", "late")} for one in (ours, theirs))
+    return {
+        "total": steps(a["total"], b["total"], family=family),
+        "cut": steps(a["cut"], b["cut"]),
+        "late": steps(a["late"], b["late"], iqm),
+        "lost": shares(lost(ours, room, chance), lost(theirs, room, chance)),
+    }
+
+
+def of_room(room: str, table: Any, draws: Any, chance: Any) -> dict[str, Comparison]:
+    """Form 2 against each of OPPONENTS, and against a fixed lambda at its mean, under both updates."""
+    found = {}
+    for update in UPDATES:
+        ours = robots_of("form2", room, update, table, draws)
+        for who in (*OPPONENTS, "mean of form2"):
+            theirs = robots_of(who, room, update, table, draws)
+            family = FAMILY if who in OPPONENTS else 1
+            for endpoint, one in against(ours, theirs, room, chance, family).items():
+                found[f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}"] = one
+        for who in ("form2", *OPPONENTS):
+            robots = robots_of(who, room, update, table, draws)
+            found[f"{room}.{update}.{who}.steps"] = estimate(robots.total)
+            found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, chance))
+        told = smallest(room, update, len(ours))
+        found[f"{room}.{update}.smallest ratio"] = of(Interval(told, told, told))
+    return found
+
+
+def smallest(room: str, update: str, robots: int) -> float:
+    """The ratio of total steps that so many robots can tell from 1, said before they drive: by those of the choice."""
+    ours, theirs = (
+        CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
+    )
+    return smallest_ratio(ours, theirs, robots, FAMILY)
+
+
+def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> str:
+    """Whether form 2 takes fewer total steps than fixed 0, the best fixed lambda and draws: yes, no or undecided."""
+    words = [found[f"{room}.{update}.{who}.total"].word for who in ("fixed0", "best", "draws")]
+    if {"the same", "more"} & {*words}:
+        return "no"
+    return "yes" if {*words} == {"fewer"} else "undecided"
+
+
+@question(
+    "varying",
+    "Does a varying lambda help?",
+    """In the paper's room, under the paper's update: yes, if form 2 takes fewer total steps than fixed 0, than the best
+    fixed lambda and than draws from its own lambdas; no, if against one of the three it takes the same or more; else
+    undecided. Eight comparisons are judged together (k = 8): these, the gate, and all four where the weights of all
+    actions are updated. Late steps, lost robots and the other opponents stand beside them.""",
+    JUDGED,
+    JUDGED_DRAWS,
+    CHANCE,
+)
+def varying(table: Any, draws: Any, chance: Any) -> Judged:
+    """In the paper's room."""
+    found = of_room("paper", table, draws, chance)
+    for update in UPDATES:
+        ours = robots_of("form2", "paper", update, table, draws)
+        for who in ("opposite", "form1", "form3"):
+            theirs = robots_of(who, "paper", update, table, draws)
+            found |= {
+                f"paper.{update}.{who}.{endpoint}": one
+                for endpoint, one in against(ours, theirs, "paper", chance).items()
+            }
+        for who in ("gate", "opposite", "form1", "form3"):
+            its, mean = (robots_of(name, "paper", update, table, draws) for name in (who, f"mean of {who}"))
+            found |= {
+                f"own.{update}.{who}.{endpoint}": one for endpoint, one in against(its, mean, "paper", chance).items()
+            }
+    return helps(found, "paper"), found
