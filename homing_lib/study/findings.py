@@ -195,7 +195,8 @@ def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None
             entry = {"verdict": found.verdict, "made from": made_from, "comparisons": numbers}
         now[name] = entry
     lines = [
-        f'"{name}": {{"verdict": {json.dumps(entry["verdict"])}, "made from": "{entry["made from"]}", "comparisons": {{\n'
+        f'"{name}": {{"verdict": {json.dumps(entry["verdict"])}, "made from": "{entry["made from"]}", '
+        + '"comparisons": {\n'
         + ",\n".join(f"  {json.dumps(key)}: {json.dumps(one)}" for key, one in entry["comparisons"].items())
         + "\n}}"
         for name, entry in now.items()

@@ -79,18 +79,26 @@ def totals(settings: Settings, seed: int) -> Columns:
 
 def totals_of(result: Run) -> Columns:
     """A run in one row: `total` steps of its episodes, the same with each cut at CUT, `cut`, mean of the first and last
-    WINDOW, `early` and `late`, mean `lambda`, share of the steps whose lambda was reset, `clipped`, and `diverged`.
+    WINDOW, `early` and `late`; sum of the weights' `change`; mean `lambda`; shares of the steps whose lambda was reset,
+    `clipped`, and that were spent `at_wall`; and `diverged`.
     """
-    taken = by_episode([result])[0]
+    taken, made = by_episode([result])[0], max(len(result.steps), 1)
     row = {
         "total": taken.sum(),
         "cut": np.minimum(taken, CUT).sum(),
         "early": taken[:WINDOW].mean(),
         "late": taken[-WINDOW:].mean(),
-        **{name: result.column(name).sum() / max(len(result.steps), 1) for name in ("lambda", "clipped")},
+        "change": result.column("change").sum(),
+        **{name: result.column(name).sum() / made for name in ("lambda", "clipped", "at_wall")},
         "diverged": result.diverged > 0,
     }
     return {name: np.array([value], dtype=float) for name, value in row.items()}
+
+
+def curve(settings: Settings, seed: int) -> Columns:
+    """One row per episode, for learning curves: its number, `episode`, and `steps`."""
+    taken = by_episode([run(settings, seed)])[0]
+    return {"episode": np.arange(1.0, len(taken) + 1), "steps": taken}
 
 
 def summary_table(result: Run) -> Columns:

@@ -74,19 +74,25 @@ def labelled(conditions: Iterable[Settings]) -> dict[str, Settings]:
     return {" ".join(f"{name}={values[name]}" for name in varied) or "all": Settings(**values) for values in every}
 
 
-CHANCE = study(
-    "chance",
-    "How many steps do random actions take in each room? Who takes more in its last five episodes is lost.",
-    labelled(Settings(images="atlas", room=room, controller="random") for room in ROOMS),
+UNLEARNT = study(
+    "unlearnt",
+    "How many steps do random actions take in each room, and the climb? Who takes more than random actions in its last "
+    "five episodes is lost.",
+    labelled(
+        Settings(images="atlas", room=room, controller=controller)
+        for room in ROOMS
+        for controller in ("random", "climb")
+    ),
     ROOM_ROBOTS,
     totals,
 )
 
 
 def rows(table: Any, **settings: Any) -> Any:
-    """Rows of a study's table with these settings, seeds in order."""
+    """Rows of a study's table with these settings, seeds in order. What does not vary in it is no column, and holds."""
     for name, value in settings.items():
-        table = table[table[name] == value]
+        if name in table:
+            table = table[table[name] == value]
     if table.empty:
         raise ValueError(f"no runs with {settings}")
     return table.sort_values("seed", kind="stable")

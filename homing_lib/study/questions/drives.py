@@ -1,7 +1,8 @@
-"""What drives the learning: the reward, the start value, what home is worth; the policy learnt, or the learning under way?
+"""What drives the learning: the reward, the start value, what home is worth; the policy learnt, or the learning under
+way?
 
-A robot that has learnt is tried in several ways, from the room's start and with its own exploration. *Restored*: it goes
-on learning, but each trial begins with the saved weights. *Frozen*: the same weights, no learning. *Forgetful*: it
+A robot that has learnt is tried in several ways, from the room's start and with its own exploration. *Restored*: it
+goes on learning, but each trial begins with the saved weights. *Frozen*: the same weights, no learning. *Forgetful*: it
 learns, but each trial begins with the initial weights. *Untrained*: the initial weights, no learning. So the weights
 that were learnt and the learning under way are each there or not, in all four ways.
 """
@@ -40,13 +41,14 @@ def after(episodes: int, **changes: Any) -> Settings:
 
 
 def tried(settings: Settings, seed: int) -> Columns:
-    """What a robot that has learnt does from the start, tried in all ways. One row for each, `kind`, its place in KINDS.
+    """What a robot that has learnt does from the start, tried in all ways. One row for each, `kind`, its place in
+    KINDS.
 
     Means over three trials (with the camera, one) of at most 2,000 steps: `steps`, the same cut at TRIAL_STEPS, `cut`,
-    and `home`, whether it came home; then `stay_up` and `stay_down`, the shares of the steps after which the same action
-    was taken again, where the view had come closer to the snapshot and where it had not; and `at_wall`. Of the last
-    thousand steps of those trials that did not come home: `one_action`, the share of the action taken most; `spread_m`,
-    the root mean square distance from their mean place; `stuck_at_wall`.
+    and `home`, whether it came home; then `stay_up` and `stay_down`, the shares of the steps after which the same
+    action was taken again, where the view had come closer to the snapshot and where it had not; and `at_wall`. Of the
+    last thousand steps of those trials that did not come home: `one_action`, the share of the action taken most;
+    `spread_m`, the root mean square distance from their mean place; `stuck_at_wall`.
     """
     names = (
         "kind",
@@ -190,8 +192,9 @@ START: dict[str, dict[str, Any]] = {
         "terminal_bonus": WORTH,
     },
 }
-"""Reward, start value and what home is worth. With theta_0 = 1 the value of an action is at first n times the similarity
-of the view: potential-based shaping (Ng, Harada and Russell, ICML 1999; as a start value, Wiewiora, JAIR 19, 2003)."""
+"""Reward, start value and what home is worth. With theta_0 = 1 the value of an action is at first n times the
+similarity of the view: potential-based shaping (Ng, Harada and Russell, ICML 1999; as a start value, Wiewiora, JAIR 19,
+2003)."""
 
 BY_START = study(
     "drives-start",
@@ -251,12 +254,12 @@ VERDICTS = {
 @question(
     "drives",
     "What brings the robot home: the policy that it has learnt, or the learning under way?",
-    """After ten of the twenty episodes, from the room's start. The learning under way is needed where the restored robot
-    takes fewer steps than the frozen one; the weights learnt are needed where it takes fewer than the forgetful one; at
-    caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two caps). The verdict: "both together", if in
-    each room and at each cap both are; "the learning under way", if only it is, everywhere; "the policy learnt",
-    likewise; "neither", if neither is anywhere; else "it depends on the room". Beside it: the camera, slipping wheels,
-    other rules of lambda, other numbers of episodes, other rewards and start values.""",
+    """After ten of the twenty episodes, from the room's start. The learning under way is needed where the restored
+    robot takes fewer steps than the frozen one; the weights learnt are needed where it takes fewer than the forgetful
+    one; at caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two caps). The verdict: "both
+    together", if in each room and at each cap both are; "the learning under way", if only it is, everywhere; "the
+    policy learnt", likewise; "neither", if neither is anywhere; else "it depends on the room". Beside it: the camera,
+    slipping wheels, other rules of lambda, other numbers of episodes, other rewards and start values.""",
     PAPER,
     IN_ROOMS,
     SLIP,

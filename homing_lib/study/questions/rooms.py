@@ -10,51 +10,46 @@ from typing import Any
 import numpy as np
 
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import iqm, pooled, word_of
+from homing_lib.study.bootstrap import iqm, mean, pooled, word_of
 from homing_lib.study.choosing import Choice
-from homing_lib.study.findings import Judged, estimate, of, question, steps
+from homing_lib.study.findings import Comparison, Judged, estimate, of, question, steps
 from homing_lib.study.measures import totals
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
 from homing_lib.study.runs import Study
-from homing_lib.study.studies import CHANCE, ROOM_ROBOTS, ROOMS, UNLIKE, labelled, later, rows
+from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, Later, labelled, later, rows
 
 OTHERS = tuple(room for room in ROOMS if room != "paper")
 
 
-@later(varying.OWN.second)
-def JUDGED() -> Study:
-    """Five rooms."""
-    return Study(
-        "rooms",
-        "Form 2, the gate and fixed lambdas in five other rooms, each at its own best step size there.",
-        labelled(
-            one
-            for room in OTHERS
-            for update in UPDATES
-            for one in (
-                *(chosen(room, update, rule) for rule in varying.IN_ROOMS),
-                chosen_own(room, update, FORM_2),
-            )
-        ),
-        ROOM_ROBOTS,
-        totals,
-    )
+ROBOTS_IN = {room: range(10_000, 11_000) if room == "hall" else ROOM_ROBOTS for room in OTHERS}
+"""The hall has more, for its robots differ so much that five hundred would tell no ratio below 1.16."""
 
 
-@later(varying.DRAWS.second)
-def JUDGED_DRAWS() -> Study:
-    """The same with draws."""
-    return Study(
-        "rooms-drawn",
-        "Lambdas drawn from form 2's own in these rooms, at their best step sizes.",
-        labelled(varying.DRAWS.best(varying.settings(room, update, FORM_2)) for room in OTHERS for update in UPDATES),
-        ROOM_ROBOTS,
-        varying.drawn,
-    )
+def _drive_in(room: str) -> tuple[Later, Later]:
+    """The studies of a room: rules, and draws."""
+    rules = [
+        *((update, rule, chosen) for update in UPDATES for rule in varying.IN_ROOMS),
+        *((update, FORM_2, chosen_own) for update in UPDATES),
+    ]
+    told = f"Form 2, the gate and fixed lambdas in the {room}, each at its own best step size there."
+    drawn = f"Lambdas drawn from form 2's own in the {room}, at their best step sizes."
+
+    def of_rules() -> Study:
+        driving = labelled(pick(room, update, rule) for update, rule, pick in rules)
+        return Study(f"rooms-{room}", told, driving, ROBOTS_IN[room], totals)
+
+    def of_draws() -> Study:
+        driving = labelled(varying.DRAWS.best(varying.settings(room, update, FORM_2)) for update in UPDATES)
+        return Study(f"rooms-{room}-drawn", drawn, driving, ROBOTS_IN[room], varying.drawn)
+
+    return Later([varying.OWN.second], of_rules), Later([varying.DRAWS.second], of_draws)
 
 
-# --- Calibrated for whom? ----------------------------------------------------------------------------------------------
+JUDGED = {room: _drive_in(room) for room in OTHERS}
+
+
+# --- Calibrated for whom? ---------------------------------------------------------------------------------------------
 
 LEARNERS: dict[str, dict[str, Any]] = {
     "form2": {"lambda_rule": FORM_2},
@@ -143,31 +138,33 @@ def MATRIX() -> Study:
 @question(
     "rooms",
     "Does a varying lambda help in other rooms, and whoever the model was calibrated for?",
-    """In each of the six rooms, under the paper's update, as the question before (k = 8 in each room). The verdict counts
-    the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's. Beside
-    it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
-    JUDGED,
-    JUDGED_DRAWS,
-    CHANCE,
+    """In each of the six rooms, under the paper's update, as the question before (k = 8 in each room). The verdict
+    counts the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's.
+    Beside it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
+    UNLEARNT,
     MATRIX,
     varying.JUDGED,
     varying.JUDGED_DRAWS,
+    *(one for pair in JUDGED.values() for one in pair),
 )
-def rooms(table: Any, draws: Any, chance: Any, matrix: Any, paper: Any, paper_draws: Any) -> Judged:
+def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any) -> Judged:
     """In six rooms, and calibrated for four learners."""
-    found = varying.of_room("paper", paper, paper_draws, chance)
-    for room in OTHERS:
-        found |= varying.of_room(room, table, draws, chance)
+    tables: dict[str, Any] = {room: others[2 * k : 2 * k + 2] for k, room in enumerate(OTHERS)}
+    tables["paper"] = paper, paper_draws
+    found: dict[str, Comparison] = {}
+    for room in ROOMS:
+        found |= varying.of_room(room, tables[room][0], tables[room][1], unlearnt)
     for update in UPDATES:
         for who in OPPONENTS:
-            for endpoint, statistic in (("total", {}), ("cut", {}), ("late", {"statistic": iqm})):
+            for endpoint in ("total", "cut", "late"):
                 pairs = [
                     tuple(
-                        robots_of(one, room, update, table, draws)[endpoint].to_numpy(float) for one in ("form2", who)
+                        robots_of(one, room, update, *tables[room])[endpoint].to_numpy(float)[: len(ROOM_ROBOTS)]
+                        for one in ("form2", who)
                     )
                     for room in UNLIKE
                 ]
-                one = pooled(pairs, **statistic)  # type: ignore[arg-type]
+                one = pooled(pairs, iqm if endpoint == "late" else mean)
                 found[f"pooled.{update}.{who}.{endpoint}"] = of(one, word_of(one))
     for room in CALIBRATED_IN:
         for whose in ("declared", *LEARNERS):
@@ -203,4 +200,4 @@ def _robots(table: Any, wanted: Settings) -> Any:
         "epsilon0",
         "first_episode_share",
     )
-    return rows(table, **{name: getattr(wanted, name) for name in names if name in table})
+    return rows(table, **{name: getattr(wanted, name) for name in names})

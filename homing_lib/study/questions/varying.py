@@ -20,12 +20,12 @@ from homing_lib.study.findings import Comparison, Judged, estimate, of, question
 from homing_lib.study.measures import totals, totals_of
 from homing_lib.study.rules import ResampledLambda
 from homing_lib.study.runs import Columns, Study, load_table
-from homing_lib.study.studies import CHANCE, ROBOTS, ROOMS, labelled, later, rows
+from homing_lib.study.studies import ROBOTS, ROOMS, UNLEARNT, labelled, later, rows
 
 UPDATES = ("taken", "all")
 
 FORM_2 = "fletcher-reeves"
-FIXED = tuple(f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9))
+FIXED = tuple(f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9, 0.95))
 IN_ROOMS = (FORM_2, "gate", *FIXED)
 """Who drives in every room; draws from form 2's lambdas join them."""
 
@@ -73,7 +73,7 @@ def best_fixed(room: str, update: str) -> str:
     return min(FIXED, key=lambda rule: CHOICE.score(settings(room, update, rule)))
 
 
-# --- A fixed lambda at a rule's own mean -------------------------------------------------------------------------------
+# --- A fixed lambda at a rule's own mean ------------------------------------------------------------------------------
 
 
 @cache
@@ -104,7 +104,7 @@ def chosen_own(room: str, update: str, rule: str) -> Settings:
     return OWN.best(settings(room, update, own_mean(room, update, rule)))
 
 
-# --- Lambdas that know nothing of the step -----------------------------------------------------------------------------
+# --- Lambdas that know nothing of the step ----------------------------------------------------------------------------
 
 
 def lambdas_met(now: Settings, seed: int) -> Columns:
@@ -147,7 +147,7 @@ DRAWS = Choice(
     needs=[pool],
 )
 
-# --- What is judged ----------------------------------------------------------------------------------------------------
+# --- What is judged ---------------------------------------------------------------------------------------------------
 
 
 @later(OWN.second)
@@ -190,19 +190,19 @@ FAMILY = len(OPPONENTS) * len(UPDATES)
 def robots_of(who: str, room: str, update: str, table: Any, draws: Any) -> Any:
     """One row per robot. who: a name in VARYING, or one of OPPONENTS, or "mean of" such a name."""
     if who == "draws":
-        return rows(draws, room=room, update=update) if "room" in draws else rows(draws, update=update)
+        return rows(draws, room=room, update=update)
     if who.startswith("mean of "):
         wanted = chosen_own(room, update, VARYING[who.removeprefix("mean of ")])
     else:
         rule = {"fixed0": "fixed:0", "best": best_fixed(room, update), **VARYING}[who]
         wanted = chosen(room, update, rule)
     of_these = {name: getattr(wanted, name) for name in ("update", "lambda_rule", "alpha0")}
-    return rows(table, **of_these, **({"room": room} if "room" in table else {}))
+    return rows(table, room=room, **of_these)
 
 
 def lost(robots: Any, room: str, chance: Any) -> Any:
     """Which robots are lost: they diverged, or take more steps at the end than random actions do in their room."""
-    at_random = rows(chance, room=room).late.mean()
+    at_random = rows(chance, room=room, controller="random").late.mean()
     return ((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float)
 
 
@@ -261,7 +261,7 @@ def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> 
     actions are updated. Late steps, lost robots and the other opponents stand beside them.""",
     JUDGED,
     JUDGED_DRAWS,
-    CHANCE,
+    UNLEARNT,
 )
 def varying(table: Any, draws: Any, chance: Any) -> Judged:
     """In the paper's room."""

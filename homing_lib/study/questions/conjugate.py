@@ -1,0 +1,131 @@
+"""How much conjugate gradient is left on the robot?"""
+
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from homing_lib.features import Array
+from homing_lib.lambdas import parse
+from homing_lib.settings import Settings
+from homing_lib.study.engine import run
+from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question
+from homing_lib.study.runs import Columns
+from homing_lib.study.studies import CAMERA_ROBOTS, labelled, rows, study
+from homing_lib.study.theorem import beta
+
+AGREES = 1e-9
+"""How far two directions that are the same may differ, relative to their length: rounding, over some hundred steps."""
+
+
+class Watched:
+    """A lambda rule that computes beside its own what conjugate gradient would do at the same steps.
+
+    asked: for every step but an episode's first, whether the update of all actions' weights, and of those of the action
+    taken alone, points where conjugate gradient does since the episode's first step, and since its last restart,
+    which is where lambda was reset to 0. A step's delta phi is the descent direction g; p = g + beta p_prev.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._form, self._rule = parse(name).name, parse(name).rule
+        self._phi: Array = np.empty(0)
+        self.asked: list[tuple[bool, ...]] = []
+
+    def __call__(
+        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
+    ) -> float:
+        if phi_prev is not self._phi:  # the second step of an episode: the first went along its own gradient
+            self._strict = self._restarted = delta_prev * phi_prev
+        self._phi = phi
+        g, g_prev = delta * phi, delta_prev * phi_prev
+        ratio = self._rule(
+            delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=trace_prev, discount=discount
+        )
+        lambda_t = min(max(0.0, ratio), 1.0)
+        every = delta * (discount * lambda_t * trace_prev + phi)
+        taken = every.reshape(3, -1) * (phi.reshape(3, -1) != 0).any(axis=1, keepdims=True)
+        form: Any = self._form
+        self._strict = g + beta(form, g, g_prev, self._strict) * self._strict
+        self._restarted = g if ratio < 0 else g + beta(form, g, g_prev, self._restarted) * self._restarted
+        self.asked.append(
+            tuple(_agree(done.ravel(), wanted) for wanted in (self._strict, self._restarted) for done in (every, taken))
+        )
+        return ratio
+
+
+def _agree(done: Array, wanted: Array) -> bool:
+    return bool(np.linalg.norm(done - wanted) <= AGREES * np.linalg.norm(wanted))
+
+
+def directions(settings: Settings, seed: int) -> Columns:
+    """Where a run's updates point: those of the settings, of the action taken or of all.
+
+    One row per episode: its `steps`; of them, those before the first whose lambda was reset (`unclipped`), those before
+    the direction first leaves that of conjugate gradient (`until`), those that follow it in all (`follows`), and those
+    that follow it since the last restart (`restarted`); and those whose lambda was reset to 0 and to 1.
+    """
+    watched = Watched(settings.lambda_rule)
+    result = run(settings, seed, lambda_rule=watched)
+    which = 0 if settings.update == "all" else 1
+    asked, table = iter(watched.asked), []
+    # A rule that is undefined somewhere would be out of step with the episodes.
+    assert result.diverged or len(watched.asked) == (result.lengths - 1).sum()
+    for length, end in zip(result.lengths, result.ended, strict=True):
+        reset, value = (result.column(name)[end - length : end] for name in ("clipped", "lambda"))
+        later = ((one[which], one[2 + which]) for one in islice(asked, int(length) - 1))
+        strict, restarted = np.array([(True, True), *later]).T
+        until = np.logical_and.accumulate(strict).sum()
+        unclipped = (~np.logical_or.accumulate(reset > 0)).sum()
+        resets = [((reset > 0) & (value == bound)).sum() for bound in (0, 1)]
+        table.append((length, unclipped, until, strict.sum(), restarted.sum(), *resets))
+    names = ("steps", "unclipped", "until", "follows", "restarted", "to_0", "to_1")
+    return dict(zip(names, np.array(table, dtype=float).reshape(-1, len(names)).T, strict=True))
+
+
+UPDATES = ("taken", "all")
+
+DIRECTIONS = study(
+    "conjugate",
+    "For how many steps of a run do the updates point where conjugate gradient does?",
+    labelled(Settings(images="atlas", update=update) for update in UPDATES),
+    CAMERA_ROBOTS,
+    directions,
+)
+
+
+@question(
+    "conjugate",
+    "Is conjugate gradient what the robot does?",
+    """Learning on. The share of a robot's steps that come before its episode first leaves the direction of conjugate
+    gradient, under the paper's update: "hardly", if it is below 5 % with the whole interval; "mostly", if above 50 %;
+    "in part", if between; else "undecided". Beside it: what follows conjugate gradient since the last restart, and what
+    becomes of lambda.""",
+    DIRECTIONS,
+)
+def conjugate(table: Any) -> Judged:
+    """Under both updates."""
+    found: dict[str, Comparison] = {}
+    for update in UPDATES:
+        sums = rows(table, update=update).groupby("seed").sum(numeric_only=True)
+        for name in ("until", "restarted", "to_0", "to_1"):
+            found[f"{update}.{name}"] = estimate((sums[name] / sums.steps).to_numpy(float))
+    until = found["taken.until"].interval
+    found["taken.until"] = of(until, bound(until, 0.05), judged=True)
+    verdict = "in part" if (bound(until, 0.05), bound(until, 0.5)) == ("above", "below") else "undecided"
+    if found["taken.until"].word == "below":
+        verdict = "hardly"
+    return "mostly" if bound(until, 0.5) == "above" else verdict, found
+
+
+@question(
+    "C1",
+    "TD-conj is TD(lambda) with the lambda of eq. (7).",
+    """By construction, if with all weights updated no episode leaves the direction of conjugate gradient before its
+    first reset of lambda; else contradicted.""",
+    DIRECTIONS,
+)
+def equivalence(table: Any) -> Judged:
+    """Until the first reset."""
+    every = rows(table, update="all")
+    holds = bool((every.until >= every.unclipped).all())
+    return "by construction" if holds else "contradicted", {}

@@ -1,0 +1,175 @@
+"""With declared choices, does the robot learn the u-turn?"""
+
+from math import asin, atan2, hypot
+from typing import Any
+
+import numpy as np
+
+from homing_lib.features import Array
+from homing_lib.robot import wrapped
+from homing_lib.rooms import Box, Room, room_named
+from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
+from homing_lib.study.findings import Judged, bound, estimate, of, question, steps
+from homing_lib.study.measures import TRIAL_STEPS, WINDOW, curve, shortest
+from homing_lib.study.runs import episodes_of
+from homing_lib.study.studies import (
+    CAMERA_ROBOTS,
+    JUDGED,
+    ROBOTS,
+    ROOMS,
+    UNLEARNT,
+    labelled,
+    rows,
+    study,
+)
+
+EPISODES = 20
+
+ATLAS = study(
+    "learns",
+    "A hundred episodes on the lattice, with the rates of the schedule of twenty continued: the first twenty are its.",
+    {"form 2": Settings(images="atlas", episodes=100, first_episode_share=Settings().first_episode / 100)},
+    ROBOTS,
+    curve,
+)
+
+CAMERA = study(
+    "learns-camera",
+    "Form 2 and fixed 0 with the camera.",
+    {"form 2": Settings(), "fixed 0": Settings(lambda_rule="fixed:0")},
+    CAMERA_ROBOTS,
+    curve,
+)
+
+SHORTEST = study(
+    "shortest",
+    "The least number of steps that the robot's actions allow.",
+    labelled(Settings(images="atlas", room=room) for room in ROOMS),
+    JUDGED[:5],
+    shortest,
+)
+
+
+def first_and_last(table: Any, condition: str = "form 2") -> tuple[Array, Array]:
+    """Mean steps of the first and the last five of twenty episodes, one number per robot."""
+    taken = episodes_of(table, condition)[:, :EPISODES]
+    return taken[:, :WINDOW].mean(axis=1), taken[:, -WINDOW:].mean(axis=1)
+
+
+@question(
+    "learns",
+    "With declared choices, does the robot learn?",
+    """The last five of twenty episodes, learning on, take fewer steps than the first five, and than random actions in
+    the same room: yes, if both hold with the camera and on the atlas; no, if with either the last five take the same as
+    the first, or more, or as random actions; else undecided (k = 4). The climb stands beside it.""",
+    ATLAS,
+    CAMERA,
+    UNLEARNT,
+)
+def learns(atlas: Any, camera: Any, unlearnt: Any) -> Judged:
+    """With the camera and on the atlas."""
+    found = {}
+    random, climb = (
+        rows(unlearnt, room="paper", controller=controller).late.to_numpy(float) for controller in ("random", "climb")
+    )
+    for name, table in (("atlas", atlas), ("camera", camera)):
+        first, last = first_and_last(table)
+        chance = np.full_like(last, random.mean())  # its robots are others: their mean is taken as it is
+        found[f"{name}.of first"] = steps(last, first, family=4)
+        found[f"{name}.of random"] = steps(last, chance, family=4)
+        found[f"{name}.of climb"] = steps(last, np.full_like(last, climb.mean()))
+        found |= {f"{name}.first": estimate(first), f"{name}.last": estimate(last)}
+        found[f"{name}.typical"] = estimate(last, iqm)
+    found["random"], found["climb"] = estimate(random), estimate(climb)
+    first, last = first_and_last(camera, "fixed 0")
+    found |= {"camera.fixed0.first": estimate(first), "camera.fixed0.last": estimate(last)}
+    ours, theirs = (episodes_of(camera, who) for who in ("form 2", "fixed 0"))
+    found["camera.fixed0.total"] = steps(ours.sum(axis=1), theirs.sum(axis=1))
+    found["camera.fixed0.late"] = steps(ours[:, -WINDOW:].mean(axis=1), theirs[:, -WINDOW:].mean(axis=1), iqm)
+    on_lattice, by_camera = (first_and_last(table)[1][: len(CAMERA_ROBOTS)] for table in (atlas, camera))
+    found["lattice.late"] = steps(on_lattice, by_camera, iqm)
+    words = {found[f"{name}.{against}"].word for name in ("atlas", "camera") for against in ("of first", "of random")}
+    return "yes" if words == {"fewer"} else "no" if words & {"the same", "more"} else "undecided", found
+
+
+@question(
+    "C3",
+    "Learning converges within 20 episodes.",
+    """Learning on, on the atlas; the rates of the schedule of twenty episodes are continued to a hundred. Supported, if
+    the last five of twenty episodes take the same steps as the last five of a hundred (interquartile means), or fewer;
+    contradicted, if more; else inconclusive.""",
+    ATLAS,
+)
+def converges(atlas: Any) -> Judged:
+    """The paper's sense: little is left to learn."""
+    taken = episodes_of(atlas, "form 2")
+    late, much_later = (taken[:, end - WINDOW : end].mean(axis=1) for end in (EPISODES, 100))
+    found = {"late": steps(late, much_later, iqm, judged=True), "mean": steps(late, much_later)}
+    return _claim(found["late"].word, ("the same", "fewer"), ("more",)), found
+
+
+def _claim(word: str, supports: tuple[str, ...], contradicts: tuple[str, ...]) -> str:
+    return "supported" if word in supports else "contradicted" if word in contradicts else "inconclusive"
+
+
+@question(
+    "C4",
+    "A hidden goal: from one snapshot, without landmarks, the robot solves the u-turn.",
+    f"""Learning on. Supported, if from the start no part of a home object is in view, and of a robot's last five of
+    twenty episodes at least 95 % end at home within {TRIAL_STEPS} steps, with the whole interval; contradicted, if an
+    object is in view or fewer do; else inconclusive. With the camera and on the atlas, the atlas decides.""",
+    ATLAS,
+    CAMERA,
+)
+def hidden_goal(atlas: Any, camera: Any) -> Judged:
+    """The start sees nothing of home."""
+    settings, found = Settings(), {}
+    room = room_named(settings.room)
+    for name, table in (("atlas", atlas), ("camera", camera)):
+        last = episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES]
+        found[f"{name}.home"] = estimate((last <= TRIAL_STEPS).mean(axis=1))
+    side = bound(found["atlas.home"].interval, 0.95)
+    seen = in_view(room, settings.field_of_view_deg)
+    return "contradicted" if seen else _claim(side, ("above",), ("below",)), found
+
+
+def in_view(room: Room, field_of_view_deg: float) -> list[str]:
+    """Home objects that stand, at least in part, within the camera's angle at the start; walls hide nothing here."""
+    seen = []
+    for thing in (one for one in room.objects if one.name in room.home_objects):
+        radius = hypot(*thing.size[:2]) / 2 if isinstance(thing, Box) else thing.radius
+        dx, dy = thing.x - room.start.x, thing.y - room.start.y
+        bearing = abs(wrapped(atan2(dy, dx) - room.start.heading))
+        if bearing - asin(min(radius / hypot(dx, dy), 1.0)) < np.radians(field_of_view_deg) / 2:
+            seen.append(thing.name)
+    return seen
+
+
+@question(
+    "C13",
+    "Good episodes begin around the ninth.",
+    """Learning on, on the atlas. The first good episode is the first whose steps, a mean over the robots, are at most
+    one and a half times those of the last five of twenty. Supported, if its interval lies within 7 to 11; contradicted,
+    if it leaves all of 7 to 11 out; else inconclusive.""",
+    ATLAS,
+)
+def around_the_ninth(atlas: Any) -> Judged:
+    """The first good episode."""
+    first = first_good(episodes_of(atlas, "form 2")[:, :EPISODES])
+    inside, outside = first.low >= 7 and first.high <= 11, first.high < 7 or first.low > 11
+    verdict = "supported" if inside else "contradicted" if outside else "inconclusive"
+    return verdict, {"first good": of(first, judged=True)}
+
+
+def first_good(taken: Array) -> Interval:
+    """The first episode whose mean steps are at most one and a half times those of the last five. Shape (robots,
+    episodes).
+    """
+
+    def first(counts: Array) -> Array:
+        by_episode = mean(taken, counts)
+        good = by_episode <= 1.5 * by_episode[:, -WINDOW:].mean(axis=1, keepdims=True)
+        return 1.0 + np.argmax(good, axis=1)
+
+    return bootstrap(first, len(taken))

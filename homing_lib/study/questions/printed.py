@@ -1,0 +1,136 @@
+"""Does the algorithm learn as it is printed, and which substitution rescues it?
+
+The letter: squares about zero in eq. (9), the mixture of eq. (22) as printed, features overwritten (Fig. 2), alpha_0 of
+Table I. Its epsilon_0 of 6 is no probability and is read as .3, here too; the temperature has no value, and is 1.
+"""
+
+from typing import Any
+
+from homing_lib.features import Array
+from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import iqm
+from homing_lib.study.findings import Comparison, Judged, estimate, question, steps
+from homing_lib.study.measures import totals
+from homing_lib.study.studies import ROBOTS, study
+
+OURS = Settings(images="atlas")
+
+SUBSTITUTIONS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "variance about the mean": ({"centre": "zero"}, {"centre": "mean"}),
+    "epsilon-greedy alone": ({"mixture": "literal", "tau0": 1.0}, {"mixture": "epsilon-greedy", "tau0": OURS.tau0}),
+    "features kept": ({"overwrite_features": True}, {"overwrite_features": False}),
+    "step size of the text": ({"alpha0": 1.25e-2}, {"alpha0": 1.25e-3}),
+}
+"""What replaces the letter, in the order of the paper's sections: settings as printed, and ours."""
+
+LETTER = Settings().with_changes(
+    **{name: value for printed, _ in SUBSTITUTIONS.values() for name, value in printed.items()}
+)
+"""All as printed, with the camera: `homing run --as-printed`."""
+
+_LETTER = LETTER.with_changes(images="atlas")
+
+
+def _cascade() -> dict[str, Settings]:
+    now, rows = _LETTER, {"the letter": _LETTER}
+    for name, (_, ours) in SUBSTITUTIONS.items():
+        now = now.with_changes(**ours)
+        rows[f"+ {name}"] = now
+    assert now == OURS
+    return rows
+
+
+CASCADE = _cascade()
+ALONE = {f"only {name}": _LETTER.with_changes(**ours) for name, (_, ours) in SUBSTITUTIONS.items()}
+UNDONE = {f"all but {name}": OURS.with_changes(**printed) for name, (printed, _) in SUBSTITUTIONS.items()}
+
+READINGS: dict[str, dict[str, Any]] = {
+    "E3 form 1": {"lambda_rule": "hestenes-stiefel"},
+    "E3 form 1, printed sign": {"lambda_rule": "hestenes-stiefel:printed"},
+    "E4 alpha_0 of the formula": {"alpha0": 1.25e-4},
+    "E5 epsilon_0 at its bound": {"epsilon0": 1.0},
+    "E9 sigma^2 per bin": {"variance": "per-bin"},
+    "E9 sigma^2 per bin, about zero": {"variance": "per-bin", "centre": "zero"},
+    "E13 lambda 1 where undefined": {"lambda_rule": "fletcher-reeves:on_zero=1"},
+    "E18 mixture as printed, tau .03": {"mixture": "literal", "tau0": 0.03},
+    "E18 mixture normalised, tau .03": {"mixture": "normalised"},
+    "E19 home masked": {"bootstrap_terminal": False},
+    "E20 all actions updated": {"update": "all"},
+}
+"""Other readings of the print, each alone, as a change of ours."""
+
+_RANDOM = {f"random, {centre}": OURS.with_changes(controller="random", centre=centre) for centre in ("zero", "mean")}
+
+PRINTED = study(
+    "printed",
+    "From the letter to ours, one substitution after the other; each alone, added to the letter and taken from ours; "
+    "and other readings of the print.",
+    {
+        **CASCADE,
+        "the letter, tau .03": _LETTER.with_changes(tau0=0.03),
+        "the letter, alpha_0 of the text": _LETTER.with_changes(alpha0=1.25e-3),
+        "the letter, alpha_0 of the formula": _LETTER.with_changes(alpha0=1.25e-4),
+        **{name: settings for name, settings in ALONE.items() if settings not in CASCADE.values()},
+        **{name: settings for name, settings in UNDONE.items() if settings not in CASCADE.values()},
+        **{name: OURS.with_changes(**changes) for name, changes in READINGS.items()},
+        **_RANDOM,
+    },
+    ROBOTS[:200],
+    totals,
+)
+
+_OURS = f"+ {[*SUBSTITUTIONS][-1]}"
+
+
+def column(table: Any, condition: str, name: str) -> Array:
+    """One number per robot, seeds in order."""
+    found = table[table.condition == condition].sort_values("seed")[name].to_numpy(float)
+    return found
+
+
+def label(settings: Settings) -> str:
+    """The condition of the study that has these settings."""
+    return next(name for name, one in PRINTED.conditions.items() if one == settings)
+
+
+@question(
+    "printed",
+    "Does the algorithm learn as it is printed?",
+    """A robot learns if its last five episodes take fewer steps than its first five, and than random actions in the
+    same world (ratios of means). Yes, if the letter does, with the temperature 1 and with .03; no, if with neither it
+    does, and each time one of the two comparisons says the same or more; else undecided (k = 4). Every other row is
+    judged by the same two comparisons, beside the verdict.""",
+    PRINTED,
+)
+def printed(table: Any) -> Judged:
+    """Row by row."""
+    found: dict[str, Comparison] = {}
+    letters = ("the letter", "the letter, tau .03")
+    for name, settings in PRINTED.conditions.items():
+        late, family = column(table, name, "late"), 4 if name in letters else 1
+        found[f"{name}.early"], found[f"{name}.late"] = estimate(column(table, name, "early")), estimate(late)
+        if settings.controller == "random":
+            continue
+        chance = column(table, f"random, {settings.centre}", "late")
+        found[f"{name}.of first"] = steps(late, column(table, name, "early"), family=family)
+        found[f"{name}.of random"] = steps(late, chance, family=family)
+        if name != _OURS:
+            for endpoint in ("total", "late"):
+                statistic = {"statistic": iqm} if endpoint == "late" else {}
+                pair = column(table, name, endpoint), column(table, _OURS, endpoint)
+                found[f"{name}.of ours.{endpoint}"] = steps(*pair, **statistic)  # type: ignore[arg-type]
+    return verdict(found, letters), found
+
+
+def learns(found: dict[str, Comparison], name: str) -> bool | None:
+    """Whether a row does; None: undecided."""
+    words = {found[f"{name}.{against}"].word for against in ("of first", "of random")}
+    return True if words == {"fewer"} else False if words & {"the same", "more"} else None
+
+
+def verdict(found: dict[str, Comparison], letters: tuple[str, ...]) -> str:
+    """Yes, no or undecided, of the letter at both temperatures."""
+    each = [learns(found, name) for name in letters]
+    if None in each or any(each) != all(each):
+        return "undecided"
+    return "yes" if all(each) else "no"
