@@ -121,7 +121,7 @@ class: .build/class/.ready
 ### Report
 
 .build/numbers: .build/data $(LIBRARY) paper/report.tex $(NOTEBOOKS:%=notebooks/%.ipynb)
-	$(HOMING) report > paper/numbers.tex.part
+	$(HOMING) numbers --latex > paper/numbers.tex.part
 	@mv paper/numbers.tex.part paper/numbers.tex
 	@cksum paper/numbers.tex > $@
 

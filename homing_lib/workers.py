@@ -7,6 +7,7 @@ import threading
 import time
 
 import psutil
+from joblib.externals.loky import process_executor
 
 
 def begin_work(parent: int) -> None:
@@ -18,5 +19,6 @@ def begin_work(parent: int) -> None:
         os._exit(1)  # whatever it waits for: a pipe, or a lock, that nobody serves any more
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    process_executor._MAX_MEMORY_LEAK_SIZE = 2**40  # the atlases that a worker keeps are no leak, to end it for
     gc.set_threshold(100_000)  # the many numbers of an episode are no cycles to look for
     threading.Thread(target=end_with_parent, daemon=True).start()

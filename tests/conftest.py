@@ -1,3 +1,4 @@
+import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from homing_lib.errors import UserError
 from homing_lib.features import HomeModel
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
@@ -23,24 +25,28 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 needs_camera = pytest.mark.skipif(not camera_available(), reason="needs PyBullet")
 """For tests whose own processes ask for the camera; those that do so themselves are skipped without it."""
 
+FINDINGS = ROOT / "data" / "findings.json"
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup() -> Iterator[None]:
-    yield from _without_camera()
+    yield from _as_far_as_possible()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Iterator[None]:
-    yield from _without_camera()
+    yield from _as_far_as_possible()
 
 
-def _without_camera() -> Iterator[None]:
-    """A test that meets the refusal of the camera, where there is none, is skipped."""
+def _as_far_as_possible() -> Iterator[None]:
+    """Skipped is a test that meets the refusal of the camera where there is none, or data before they are made."""
     try:
         yield
     except UserError as error:
         if not camera_available() and str(error).startswith("the camera needs PyBullet"):
             pytest.skip("needs PyBullet")
+        if not FINDINGS.exists() and re.match(rf"{re.escape(str(FINDINGS.parent))}\S+: missing", str(error)):
+            pytest.skip("`make data` has not come to its end: there is no data/findings.json")
         raise
 
 

@@ -42,7 +42,8 @@ from homing_lib.publish import commands
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.storage import packed, read_arrays
-from homing_lib.study import measures, runs, studies, theorem
+from homing_lib.study import findings, measures, runs, studies, theorem
+from homing_lib.study.questions import learns
 from homing_lib.study.runs import Study
 
 ROOT = Path(__file__).parent.parent
@@ -56,7 +57,7 @@ TABLE = Study(
     "To be harmed.",
     {"form 2": COMPACT, "random": COMPACT.with_changes(controller="random")},
     range(2),
-    measures.episodes,
+    measures.curve,
 )
 WHOLE = replace(TABLE, name="whole", measure=None)
 EARLIER = dict.fromkeys(runs.MADE_BY, "earlier")
@@ -141,10 +142,12 @@ class Campaign:
     def stored_in(self, folder: Path) -> Iterator[None]:
         """The project's data are here, and its studies are the two small ones."""
         names = [(runs, "DATA"), (runs, "SCRATCH"), (studies, "PAGE"), (studies, "in_order"), (studies, "HEADLINE")]
+        names += [(findings, "FILE"), (findings, "questions")]
         before = [getattr(module, name) for module, name in names]
         runs.DATA, runs.SCRATCH = folder / "data", folder / "scratch"
         studies.PAGE, studies.in_order = folder / "data" / "STUDIES.md", lambda: iter([TABLE, WHOLE])
         studies.HEADLINE = WHOLE
+        findings.FILE, findings.questions = folder / "data" / "findings.json", dict
         try:
             yield
         finally:
@@ -396,7 +399,7 @@ class Campaign:
 
     def table_of_the_project(self) -> Outcome:
         """One of the committed tables, or its manifest, is harmed: it is refused, or read as it was."""
-        study = self.rng.choice([studies.CAMERA, studies.ROBUST, studies.SHORTEST, studies.REFERENCES, studies.LONG])
+        study = self.rng.choice([studies.CALIBRATION, studies.LATTICE_RUNS, studies.UNLEARNT, learns.SHORTEST])
         folder = self.folder / "project"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()

@@ -33,7 +33,7 @@ STUDY = Study(
     "To be killed.",
     {"form 2": SMALL, "random": Settings(images="compact", controller="random", episodes=2, max_steps=40)},
     (0, 1, 2, 10, 11),
-    measures.episodes,
+    measures.curve,
 )
 """Of its files five hold a run that the camera made, and two some runs on an atlas."""
 

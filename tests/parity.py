@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, get_args
 from unittest.mock import patch
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 from homing_lib import agent, atlas, lambdas
@@ -27,8 +26,8 @@ from homing_lib.lambdas import dot, fletcher_reeves
 from homing_lib.rooms import ROOMS, room_named
 from homing_lib.settings import Settings
 from homing_lib.study import engine
-from homing_lib.study.mechanism import ResampledLambda
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
+from homing_lib.study.rules import ResampledLambda
 
 FIXED = ("images", "room", "traces", "lambda_rule", "episodes", "max_steps", "start", "controller")
 """Settings that are drawn in a way of their own. Other traces than accumulating ones are for Python."""
@@ -88,13 +87,12 @@ def traced() -> Any:
     return rule
 
 
-def resampled(chain: bool) -> Callable[[], Any]:
+def resampled() -> Any:
     """Lambdas from a pool."""
-    pool = pd.DataFrame({"after": [0, 0, 0.5, 1], "lambda": [0, 0.25, 1, 0], "count": [3, 1, 1, 5]})
-    return lambda: ResampledLambda(pool, np.random.default_rng(1), chain=chain)
+    return ResampledLambda([0, 0.25, 1], [8, 1, 1], np.random.default_rng(1))
 
 
-RULES: tuple[Callable[[], Any], ...] = (half, written_out, traced, resampled(False), resampled(True))
+RULES: tuple[Callable[[], Any], ...] = (half, written_out, traced, resampled)
 
 
 def draw(rng: random.Random, atlases: list[Settings]) -> Case:

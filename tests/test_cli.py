@@ -11,6 +11,7 @@ import pytest
 
 from homing_lib.publish.commands import main
 from homing_lib.settings import Settings
+from homing_lib.study.questions.printed import LETTER
 from homing_lib.study.runs import load
 
 ROOT = Path(__file__).parent.parent
@@ -74,6 +75,12 @@ def test_one_run_prints_its_episodes_and_is_stored_where_it_is_told(tmp_path, ca
     assert (stored.seed, stored.settings) == (3, Settings(images="compact", episodes=2, survey_steps=20, max_steps=10))
 
 
+def test_one_run_as_printed_begins_with_the_letter_and_changes_from_there(tmp_path):
+    assert main(["run", "--as-printed", *TINY, "--set", "tau0=0.03", "--out", str(tmp_path / "run.npz")]) == 0
+    tiny = dict(images="compact", episodes=2, survey_steps=20, max_steps=10, tau0=0.03)
+    assert load(tmp_path / "run.npz").settings == LETTER.with_changes(**tiny) != Settings(**tiny)
+
+
 def test_one_run_that_diverges_says_in_which_episode(capsys):
     setting = ["--set", "lambda_rule=fixed:1", "--set", "alpha0=1e9", "--set", "theta0=1e9", "--set", "max_steps=400"]
     assert main(["run", *TINY, *setting]) == 0
@@ -91,7 +98,9 @@ def test_all_settings_are_listed_with_default_and_source(capsys):
 def test_all_studies_are_listed_with_their_reason(capsys):
     assert main(["studies"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert re.match(r"headline +\d+ conditions x +\d+ seeds  \w", lines[0])
+    named = [re.fullmatch(r"([\w-]+) +\d+ conditions x +\d+ seeds  \w.*", line)[1] for line in lines]
+    assert len({*named}) == len(named)
+    assert {"headline", "calibration", "finalists", "varying", "worth-everywhere"} <= {*named}
 
 
 INSTALLED = """
@@ -100,7 +109,7 @@ from homing_lib.publish.commands import main
 from homing_lib.study import runs, studies
 assert [main(command.split()) for command in ("settings", "summary", "verify", "notebook 03-homing")] == [0, 1, 1, 1]
 try:
-    runs.load_table(studies.CAMERA)
+    runs.load_table(studies.CALIBRATION)
 except runs.UserError as error:
     sys.exit(f"homing: {error}")
 """
@@ -118,7 +127,7 @@ def test_installed_without_its_repository_the_package_says_in_one_line_what_is_m
         text=True,
         check=False,
     )
-    files = ["data/headline", "data/headline", "notebooks", "data/camera.parquet"]
+    files = ["data/headline", "data/headline", "notebooks", "data/calibration.parquet"]
     lines = done.stderr.splitlines()
     assert len(lines) == len(files), done.stderr
     for line, file in zip(lines, files, strict=True):
@@ -164,14 +173,15 @@ def test_where_a_run_cannot_be_stored_it_is_not_begun(tmp_path, capsys, monkeypa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["sweep", "camera", "--workers", "1000000"], "must be at most "),
+        (["sweep", "headline", "--workers", "1000000"], "must be at most "),
         (["run", "--seed", "9" * 5000], "at most 18 digits"),
         (["run", "--set", "=1"], "--set =1: expected NAME=VALUE"),
         (["run", "--set", "a\nb=1"], "setting a"),
         (["run", "--set", "alpha=1"], "did you mean alpha0?"),
         (["run", "--set", "room=attik"], "did you mean attic?"),
         (["run", "--set", "lambda_rule=fletcher-reves"], "did you mean fletcher-reeves?"),
-        (["sweep", "camra"], "did you mean camera?"),
+        (["sweep", "headlin"], "did you mean headline?"),
+        (["report"], "invalid choice: 'report'"),
         (["run", "--set", "images=compact", "--set", "room=attic"], 'use images="atlas", which needs PyBullet'),
     ],
 )
@@ -183,12 +193,14 @@ def test_a_line_is_one_line_short_and_names_the_remedy_or_the_nearest(arguments,
 
 
 def test_what_is_not_utf_8_in_the_page_of_studies_or_the_stamp_is_written_anew(tmp_path, monkeypatch):
-    from homing_lib.study import studies
+    from homing_lib.study import findings, studies
 
     page, stamp = tmp_path / "STUDIES.md", tmp_path / "stamp"
     monkeypatch.setattr(studies, "PAGE", page)
     monkeypatch.setattr(studies, "page", lambda: "the page\n")
     monkeypatch.setattr(studies, "in_order", lambda: iter(()))
+    monkeypatch.setattr(findings, "FILE", tmp_path / "findings.json")
+    monkeypatch.setattr(findings, "questions", dict)
     for path in (page, stamp):
         path.write_bytes(b"\xff\xfe")
     assert main(["data", "--stamp", str(stamp)]) == 0

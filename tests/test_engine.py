@@ -384,11 +384,8 @@ def test_what_a_closed_or_wrongly_asked_world_says_is_what_it_says_in_python():
 
 
 def test_lambdas_that_are_drawn_are_drawn_one_after_the_other_whoever_compares_them():
-    def drawn():
-        return parity.resampled(True)()
-
-    one, other = (rules.compare({"drawn": drawn()}, range(3), TINY).steps["drawn"] for _ in range(2))
-    rule = drawn()
+    one, other = (rules.compare({"drawn": parity.resampled()}, range(3), TINY).steps["drawn"] for _ in range(2))
+    rule = parity.resampled()
     expected = [agent.run(TINY, seed, rule).lengths for seed in range(3)]
     np.testing.assert_array_equal(one, expected)
     np.testing.assert_array_equal(other, expected)

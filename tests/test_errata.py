@@ -1,7 +1,5 @@
 """Each slip of the printed paper has a proof, and a proof is something that is there."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,10 @@ from homing_lib.features import bins_per_channel, histogram
 from homing_lib.lambdas import Fixed
 from homing_lib.policy import decrease_rate
 from homing_lib.settings import Settings
-from homing_lib.study import errata
+from homing_lib.study import errata, findings
 from homing_lib.study.errata import ERRATA
+from homing_lib.study.findings import Comparison
+from homing_lib.study.questions import printed
 from homing_lib.td import LinearTD
 from homing_lib.thresholds import stopping_thresholds
 
@@ -28,8 +28,13 @@ def test_errata_are_numbered_without_a_gap():
 def test_each_erratum_has_a_proof_and_every_proof_resolves(erratum):
     assert erratum.proofs
     assert [proof for proof in erratum.proofs if not errata.resolves(proof)] == []
-    for seen in erratum.seen:
-        assert {seen.condition, seen.against} <= set(seen.study.conditions)
+
+
+@pytest.mark.parametrize("erratum", [one for one in ERRATA if one.seen], ids=lambda one: one.name)
+def test_what_a_reading_does_is_among_the_findings_and_has_a_word(erratum):
+    for name in erratum.seen:
+        question, _, comparison = name.partition(".")
+        assert findings.finding(question)[comparison].word
 
 
 @pytest.mark.parametrize(
@@ -46,21 +51,23 @@ def test_a_proof_that_is_not_there_does_not_resolve(proof):
     assert not errata.resolves(proof)
 
 
-def test_every_condition_that_is_named_after_an_erratum_is_told_by_it():
-    told = {(one.name, seen.condition) for one in ERRATA for seen in one.seen}
-    for label in errata.studies.PRINTED.conditions:
-        name = re.match(r"E\d+", label)
-        if name and label != "E4 alpha_0 of the text":  # which is the default
-            assert (name[0], label) in told
+def test_every_reading_that_was_run_is_told_by_its_erratum():
+    told = {seen for one in ERRATA for seen in one.seen}
+    assert {f"printed.{label}.of ours.total" for label in printed.READINGS} <= told
+    assert {f"printed.{label}.of ours.total" for label in printed.UNDONE} <= told
+    for label in printed.READINGS:
+        assert label in str([one.seen for one in ERRATA if one.name == label.split()[0]])
 
 
-def test_an_effect_is_a_number_with_its_verdict_and_widened_for_their_number():
-    alone = errata.claims.of_steps(errata.load_table(errata.studies.PRINTED), "E19 home masked", "default")
-    told = errata.effect(errata.named("E19"))
-    value, low, high = map(float, re.search(r": home masked, ([\d.]+) \[([\d.]+), ([\d.]+)\]", told).groups())
-    assert value == pytest.approx(alone.typical.value, abs=0.006)
-    assert low < alone.typical.low
-    assert alone.typical.high < high
+def test_an_effect_is_a_number_with_its_word(monkeypatch):
+    found = {
+        "E3 form 1.of ours.total": Comparison(1.5, 1.2, 1.9, "more"),
+        "E3 x.of ours.total": Comparison(1, 1, 1, "?"),
+    }
+    monkeypatch.setattr(findings, "finding", lambda name: {"printed": found}[name])
+    seen = ("printed.E3 form 1.of ours.total", "printed.E3 x.of ours.total")
+    told = errata.effect(errata.named("E3")._replace(seen=seen))
+    assert told == "Total steps, as a multiple of ours: form 1, 1.50 [1.20, 1.90]: more; x, 1.00 [1.00, 1.00]: ?. "
     assert errata.effect(errata.named("E1")) == ""
 
 

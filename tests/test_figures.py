@@ -11,7 +11,7 @@ from homing_lib.publish import figures
 from homing_lib.publish.drawing import TEXT_WIDTH, in_sight
 from homing_lib.rooms import ROOMS
 from homing_lib.settings import Settings
-from homing_lib.study.statistics import Interval
+from homing_lib.study.bootstrap import Interval
 from homing_lib.thresholds import Thresholds
 from tests.test_plots import PLOTS as OF_STUDIES
 
@@ -26,15 +26,12 @@ ROOM = ROOMS["paper"]
 PLOTS = {
     "home view": lambda: figures.home_view(IMAGE, np.full(12, 0.25), 64),
     "room": lambda: figures.room_views(IMAGE, IMAGE, IMAGE, IMAGE, ROOM, Settings()),
-    "map": lambda: figures.similarity_map(RNG.uniform(0.5, 1, (5, 6)), ROOM, PSI),
-    "heading": lambda: figures.similarity_by_heading(np.arange(-180, 181, 10), np.linspace(0.5, 1, 37), PSI),
     "thresholds": lambda: figures.threshold_forms(np.arange(1, 9), np.arange(8) / 9, np.arange(8) / 8, {3: 0.25}),
     "shares": lambda: figures.passing_shares({"some": 0.1, "none": 0.0}, ["some"]),
     "paths": lambda: figures.paths({"early": [("a", WAY), ("b", WAY)], "late": [("c", WAY)]}, ROOM),
     "curves": lambda: figures.learning_curves(
         TABLE, -LOST, LOST, TABLE, np.linspace(1, 0.3, 20), *[Interval(90, 80, 99)] * 3, window=5
     ),
-    "lambda": lambda: figures.lambda_trace(RNG.uniform(0, 1, 9), np.arange(9) % 2, RNG.uniform(0.5, 1, 9), PSI),
 }
 
 

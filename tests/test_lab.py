@@ -11,6 +11,7 @@ import pytest
 
 from homing_lib.publish import checks, handouts, lab
 from homing_lib.study import walk
+from homing_lib.study.questions import drives
 from homing_lib.study.rules import Rules
 
 
@@ -18,7 +19,7 @@ def test_an_answer_that_was_given_before_the_rule_changed_is_no_longer_proven(ca
     monkeypatch.setattr(checks, "RECORD", {})
     monkeypatch.setattr(lab, "TASKS", (lab.a_rule, lab.read))
     lab.a_rule(lambda **_: 0.5)
-    words = {"fixed 0": "better", "form 2": "tie", "gate": "worse", "the climb": "better"}
+    words = {"fixed 0": "better", "form 2": "tie", "gate": "worse", "the climb": "tie"}
     for again, told in ((False, "2 of 2 proven."), (True, "1 of 2 proven."), (False, "2 of 2 proven.")):
         if again:
             lab.a_rule(lambda **_: 0.6)
@@ -37,19 +38,34 @@ def test_an_answer_that_was_given_before_the_rule_changed_is_no_longer_proven(ca
 @pytest.fixture(scope="module")
 def solved() -> dict:
     """What the solutions define, one after the other."""
-    names = {"np": np, "walk": walk, "lab": lab, "seen": lab.parting(28), "found": DRIVEN}
-    for source in handouts.solutions().values():
+    names = {"np": np, "walk": walk, "lab": lab, "seen": lab.parting(28), "found": DRIVEN, "tried": TRIED}
+    for cell, source in handouts.solutions().items():
         exec(source, names)
+        names[f"words of {cell}"] = names.get("words")
     return names
 
 
-def late(steps):
-    """Twenty robots whose late steps are about these, in episodes that are all alike."""
-    return steps * np.random.default_rng(1).uniform(0.9, 1.1, (20, 1)) * np.ones((1, 5))
+def late(steps, spread=0.1, seed=1):
+    """Twenty robots that take about so many steps, in episodes that are all alike."""
+    return steps * np.random.default_rng(seed).uniform(1 - spread, 1 + spread, (20, 1)) * np.ones((1, 5))
 
 
-DRIVEN = Rules({"my rule": late(40), "fixed 0": late(60), "form 2": late(40), "gate": late(25), "the climb": late(41)})
+DRIVEN = Rules(
+    {"my rule": late(40), "fixed 0": late(60), "form 2": late(40, 0.9, 3), "gate": late(25), "the climb": late(41)}
+)
 EPISODE = walk.walks(4)[0]
+
+TRIED = {
+    kind: late(steps)[:, 0]
+    for kind, steps in {"restored": 70, "frozen": 780, "forgetful": 402, "untrained": 955, "random": 358}.items()
+}
+PARTS = ("the weights learnt alone", "the updates alone", "both together")
+
+
+def said(*words: object, **changed: float) -> tuple[dict, dict]:
+    """What a student says of the parts, and what the robots did."""
+    return dict(zip(PARTS, words, strict=False)), TRIED | {kind: late(steps)[:, 0] for kind, steps in changed.items()}
+
 
 TASKS = {
     "trace": (lab.trace, lambda it: (it["trace"],)),
@@ -60,7 +76,8 @@ TASKS = {
     "guards": (lab.guards, lambda it: (it["same_as"], EPISODE)),
     "reach": (lab.reach, lambda it: (it["changed"], EPISODE)),
     "rule": (lab.a_rule, lambda it: (it["my_rule"],)),
-    "read": (lab.read, lambda it: (it["words"], DRIVEN)),
+    "read": (lab.read, lambda it: (it["words of read"], DRIVEN)),
+    "drives": (lab.drives, lambda it: (it["words of drives"], TRIED)),
 }
 
 
@@ -180,9 +197,25 @@ MISTAKES = {
             {"fixed 0": "better", "form 2": "tie", "gate": "tie", "the climb": "tie"},
             DRIVEN,
         ),
+        "the climb: .* lies between": (
+            {"fixed 0": "better", "form 2": "tie", "gate": "worse", "the climb": "better"},
+            DRIVEN,
+        ),
         "the climb is missing": ({"fixed 0": "better", "form 2": "tie", "gate": "worse"}, DRIVEN),
         "write a dictionary": ("better", DRIVEN),
         "say better": ({"fixed 0": "faster", "form 2": "tie", "gate": "worse", "the climb": "tie"}, DRIVEN),
+    },
+    lab.drives: {
+        "the weights learnt alone: 2.18 .* fewer than with neither part": said(True, False, True),
+        "the weights learnt alone: 2.79 .* Above 1 random actions are home sooner": said(
+            True, False, True, frozen=1000
+        ),
+        "the updates alone: 1.01 .* chance": said(False, True, True, forgetful=360),
+        "the updates alone: 0.50 .* which is fewer\\.$": said(False, False, True, forgetful=180),
+        "neither part does it alone": said(False, False, False),
+        "both together is missing": said(False, False),
+        "say True or False": said("no", "no", "yes"),
+        "write a dictionary": (False, TRIED),
     },
 }
 
@@ -246,8 +279,23 @@ def test_a_rule_that_loses_the_race_hears_its_interval_and_why(hint):
     with pytest.raises(checks.Wrong) as lost:
         lab.raced(RACED[hint], judge=range(1000, 1006), choose=range(2))
     told = str(lost.value)
-    assert re.match(r"Its error is \d\.\d\d \[.*\] .* of that of λ = 0\.8, at α = [\d.]+: worse\. ", told)
+    assert re.match(r"Its error is \d\.\d\d \[.*\] of that of λ = 0\.8, at α = [\d.]+: worse\. ", told)
     assert [one for one in RACED if one in told] == [hint]
+
+
+def test_robots_are_tried_as_the_study_tries_them_and_the_table_has_their_means():
+    tried = lab.tried(range(3))
+    settings = drives.after(10, images="compact")
+    for seed in range(3):
+        stored = drives.tried(settings, seed)
+        assert [tried[kind][seed] for kind in drives.KINDS] == stored["steps"].tolist()
+    *_, learnt, initial, _, beside = lab.four_ways(tried).splitlines()
+    for line, kinds in (
+        (learnt, ("restored", "frozen")),
+        (initial, ("forgetful", "untrained")),
+        (beside, ("climb", "random")),
+    ):
+        assert re.findall(r"(\d+) \[", line) == [f"{tried[kind].mean():.0f}" for kind in kinds]
 
 
 # --- The lab as a whole, and its archives ----------------------------------------------------------------------------
@@ -262,6 +310,7 @@ def run(monkeypatch, capsys):
     race = walk.race
     monkeypatch.setattr(walk, "race", lambda rules, *_, **__: race(rules, range(2), range(1000, 1006), (0.1, 0.3)))
     monkeypatch.setattr(lab, "robot", partial(lab.robot, seeds=range(2)))
+    monkeypatch.setattr(lab, "tried", partial(lab.tried, seeds=range(10)))
     monkeypatch.setattr(checks, "RECORD", {})
     monkeypatch.setitem(sys.modules, "pybullet", None)
 
@@ -281,8 +330,8 @@ def run(monkeypatch, capsys):
 def test_with_the_solutions_the_lab_runs_to_its_last_cell_and_proves_everything(run):
     *found, last = run(handouts.solutions())
     assert [re.match(r".*?: (\w+)\. ", line)[1] for line in found] == ["proven"] * len(lab.TASKS)
-    assert last == "10 of 10 proven."
-    assert [line[:4] for line in run.recap] == [f"{task} · " for task in range(1, 7)]
+    assert last == "11 of 11 proven."
+    assert [line[:4] for line in run.recap] == [f"{task} · " for task in range(1, 8)]
 
 
 def test_the_recap_says_what_was_computed(capsys):
@@ -291,7 +340,7 @@ def test_the_recap_says_what_was_computed(capsys):
     mine, climb = np.array([[80.0, 60, 40, 35]]), np.full((1, 4), 50.0)
     told = []
     for first in (mine, mine + 20):
-        lab.recap(lab.parting(28), raced, Rules({"my rule": first, "the climb": climb}))
+        lab.recap(lab.parting(28), raced, Rules({"my rule": first, "the climb": climb}), TRIED | {"climb": climb})
         told.append(capsys.readouterr().out.splitlines())
     once, never = told
     assert "is -1 times form 2" in once[1]
@@ -300,16 +349,19 @@ def test_the_recap_says_what_was_computed(capsys):
     assert "a factor of up to 4.00; guards 0 and 0.8 from λ = 0 and 0.8 by up to 1.25. The guard" in once[3]
     assert "takes 50 steps per episode; my rule takes as few in episode 3, and by then 40 more in all." in once[5]
     assert "my rule takes more in each of 4 episodes, and by then 95 more in all." in never[5]
+    for one in ("learns on takes 69 steps", "frozen it takes 774", "weights 399; the climb 50", "is worse than chance"):
+        assert one in never[6]
 
 
 def test_left_blank_the_lab_runs_to_its_last_cell_and_says_so(run):
     *found, last = run({})
     assert found == [f"{task.title}: blank. Nothing is checked yet." for task in lab.TASKS]
-    assert last == "0 of 10 proven."
+    assert last == "0 of 11 proven."
     mine, *others = run.names["found"].steps
     assert mine == "λ = 0.8, stand-in"
-    assert [*run.names["words"]] == others
-    assert mine in run.recap[-1]
+    assert [*DRIVEN.verdicts] == others
+    assert [*run.names["words"]] == [*PARTS]
+    assert mine in run.recap[-2]
 
 
 def test_what_does_not_even_run_is_told_and_stops_nothing_after_it(run):
@@ -318,7 +370,7 @@ def test_what_does_not_even_run_is_told_and_stops_nothing_after_it(run):
     assert [line for line in found if "proven" not in line] == [
         f"{task.title}: raised. Line 2: KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)
     ]
-    assert last == "8 of 10 proven."
+    assert last == "9 of 11 proven."
 
 
 def test_the_lab_and_notebook_4_race_every_rule_at_the_same_step_sizes():

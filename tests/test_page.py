@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import trim_mean
 
 from homing_lib import agent
 from homing_lib.agent import STEP_COLUMNS
@@ -20,7 +21,6 @@ from homing_lib.publish import page
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures, robots
-from homing_lib.study.statistics import iqm
 from homing_lib.td import LinearTD
 
 mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
@@ -211,6 +211,59 @@ def test_a_robot_that_starts_elsewhere_or_is_kidnapped_goes_the_same_way(engine)
     np.testing.assert_allclose(theirs, poses[0], atol=1e-12)
 
 
+def test_a_frozen_robot_drives_as_the_librarys_and_learns_on_from_there(engine):
+    """Two frozen trials, then one more episode with the learning on, at the rates of the episode after the training."""
+    for seed in (6, 7):
+        trials, weights = [], []
+
+        def afterwards(env: HomingEnv, trained: agent.Agent, trials=trials, weights=weights) -> None:
+            trained.begin_episode(SMALL.episodes + 1)
+            frozen = robots.FrozenAgent(trained)
+            for driver in (frozen, frozen, trained):
+                driver.begin_episode(SMALL.episodes + 1)
+                trials.append(agent.run_episode(env, driver)[0])
+                weights.append(trained.learner.weights.ravel().tolist())
+
+        agent.run(SMALL, seed, afterwards=afterwards)
+        theirs = engine(
+            f"""(() => {{
+              const experiment = run(world, {SMALL.model_dump_json()}, {seed}), weights = [];
+              experiment.total += 3;
+              for (const frozen of [true, true, false]) {{
+                experiment.freeze(frozen);
+                experiment.episode();
+                weights.push([...experiment.agent.learner.weights]);
+              }}
+              const row = (step) => NAMES.map((name) => +step[name]);
+              const steps = experiment.episodes.slice(-3).map((one) => one.steps.map(row));
+              return {{ steps, weights, frozen: experiment.episodes.map((one) => one.frozen) }};
+            }})()"""
+        )
+        assert theirs["frozen"] == [0] * SMALL.episodes + [1, 1, 0]
+        assert weights[0] == weights[1] != weights[2]
+        for ours, found in zip(trials, theirs["steps"], strict=True):
+            np.testing.assert_allclose(found, ours, atol=1e-10)
+        np.testing.assert_allclose(theirs["weights"], weights, atol=1e-12)
+
+
+def test_a_robot_that_learns_on_in_mid_episode_begins_with_no_trace_and_no_error_before(engine):
+    settings = SMALL.with_changes(lambda_rule="fixed:0.9")
+    trace, lambda_ = engine(
+        f"""(() => {{
+          const experiment = new Experiment(world, {settings.model_dump_json()}, 1);
+          for (let step = 0; step < 9; step++) experiment.step();
+          experiment.freeze(true);
+          for (let step = 0; step < 9; step++) experiment.step();
+          experiment.freeze(false);
+          const {{ phi }} = experiment, {{ lambda, frozen }} = experiment.step();
+          const {{ trace }} = experiment.agent.learner;
+          return [sum([...trace]) - sum([...phi]), lambda + frozen];
+        }})()"""
+    )
+    assert abs(trace) < 1e-12
+    assert lambda_ == 0
+
+
 def test_the_shortest_way_is_as_long(engine):
     (ours,) = measures.shortest(SMALL, 0)["steps"]
     assert engine(f"shortest(new Experiment(world, {SMALL.model_dump_json()}, 0).env)") == ours
@@ -346,9 +399,9 @@ def test_what_is_no_rule_is_refused_in_a_sentence(engine, text):
 def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
     rng = np.random.default_rng(0)
     draws = [[rng.integers(len(values)) for _ in values] for _ in range(400)]
-    again = iqm(np.array(values, float)[draws], axis=1)
+    again = trim_mean(np.array(values, float)[draws], 0.25, axis=1)
     told = engine(f"typical({values})")
-    assert told["value"] == pytest.approx(iqm(values))
+    assert told["value"] == pytest.approx(trim_mean(values, 0.25))
     np.testing.assert_allclose([told["low"], told["high"]], np.percentile(again, (2.5, 97.5)))
 
 

@@ -11,7 +11,7 @@ import pytest
 from homing_lib import agent
 from homing_lib.publish.page import PAGE
 from homing_lib.settings import Settings
-from homing_lib.study import mechanism
+from homing_lib.study import walk
 from tests.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
@@ -194,10 +194,9 @@ def test_the_walk_says_what_it_measures_and_measures_it_as_the_stored_study(brow
     assert browser("at('w-best').getAttribute('aria-label')").startswith(
         "Each at its best step size, over the first 10"
     )
-    assert "over the first 10 walks at its best step size" in browser("at('walk-claims').textContent")
     browser("walkView.known.forEach((runs) => runs.splice(2))")
     for rule in ("gate", "gate:opposite"):
-        stored = [mechanism.walk(Settings(lambda_rule=rule), 1000 + seed)["error"] for seed in range(2)]
+        stored = [[walk.learning(rule, 1000 + seed, size).mean() for size in walk.STEP_SIZES] for seed in range(2)]
         theirs = browser(f"walkView.sweep('{rule}').map((one) => one.error)")
         assert theirs == pytest.approx(np.mean(stored, axis=0).tolist(), abs=1e-12)
 
@@ -223,6 +222,72 @@ def test_a_trained_robot_is_kidnapped_and_keeps_what_it_has_learnt(browser):
     browser.until("robotView.experiment.steps.length >= 1 && robotView.experiment.underWay")
     browser.click("#robot-play")
     assert browser("robotView.experiment.episodes.length") == 21
+
+
+def test_a_robot_is_frozen_and_learns_on_and_its_address_leads_back(browser):
+    opened(browser, "view=robot&seed=64&made=843")
+    state = "JSON.stringify([robotView.pose, robotView.steps, robotView.frozen, at('frozen').checked])"
+    weights, steps = (
+        "robotView.experiment.agent.learner.weights.join()",
+        "for (let k = 0; k < 30; k++) robotView.step()",
+    )
+    assert browser("[robotView.experiment.episodes.length, robotView.experiment.underWay]") == [10, False]
+    learnt = browser(weights)
+    for _ in range(3):
+        browser.click("#frozen")
+    assert browser("state.frozen") == "843"
+    browser(steps)
+    browser("new Promise((done) => setTimeout(done, 100))")
+    assert browser("at('r-room').getAttribute('aria-label')").startswith("Episode 11, frozen, step 30: ")
+    assert browser(weights) == learnt
+    before = browser(state)
+    opened(browser, browser("address()").removeprefix("#"))
+    assert browser(state) == before
+    browser.click("#frozen")
+    browser("robotView.step()")
+    assert browser(weights) != learnt
+    browser(steps)
+    assert browser("[robotView.frozen, state.frozen]") == [False, "843;873"]
+    before = browser(state)
+    opened(browser, browser("address()").removeprefix("#"))
+    assert browser(state) == before
+    browser.click("#robot-again")
+    assert browser("[state.frozen, robotView.frozen, at('frozen').checked]") == ["", False, False]
+
+
+def test_the_links_to_frozen_robots_freeze_them_after_ten_episodes(browser):
+    opened(browser, "view=robot")
+    links = browser("[...document.querySelectorAll('a[href*=frozen]')].map((a) => a.getAttribute('href'))")
+    assert len(links) == 2
+    for link in links:
+        opened(browser, link.removeprefix("#"))
+        assert browser("[robotView.experiment.episodes.length, robotView.experiment.underWay]") == [10, True]
+        assert browser("robotView.steps.length") == 300
+        assert browser("robotView.steps.every((step) => step.frozen)")
+        assert not browser("robotView.experiment.episodes.some((one) => one.frozen)")
+
+
+def test_a_trained_robot_that_is_put_down_after_its_last_episode_drives_on(browser):
+    opened(browser, "view=robot&made=50000&seed=2")
+    lengths = browser(STEPS)
+    browser("scrollTo(0, 0)")
+    place = (
+        "(([x, y]) => {{ const r = at('r-room').getBoundingClientRect(), s = roomScale(r.width);"
+        "return [r.x + s.x(x), r.y + s.y(y)]; }})([{}, {}])"
+    )
+    x, y = browser("[robotView.pose.x, robotView.pose.y]")
+    browser.drag(browser(place.format(x, y)), browser(place.format(0.5, 0.4)), browser(place.format(0.4, 0.3)))
+    assert browser("player.mode") == "play"
+    browser.until("robotView.experiment.underWay && robotView.steps.length > 2")
+    browser("player.pause()")
+    assert browser("robotView.experiment.from.x") == pytest.approx(0.4, abs=0.02)
+    assert browser("[state.more, state.start]") == [1, ""]
+    browser.click("#robot-one")
+    assert browser(STEPS)[:20] == lengths
+    state = "JSON.stringify([robotView.pose, robotView.experiment.episodes.map((one) => one.steps)])"
+    before = browser(state)
+    opened(browser, browser("address()").removeprefix("#"))
+    assert browser(state) == before
 
 
 def test_the_start_is_dragged_and_a_robot_under_way_is_kidnapped(browser):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from homing_lib.agent import STEP_COLUMNS, Run
-from homing_lib.publish import answers, report
+from homing_lib.publish import report
 from homing_lib.publish.tex import tex
 from homing_lib.settings import Settings
-from homing_lib.study import claims, errata
+from homing_lib.study import errata, findings
 
 ROOT = Path(__file__).parent.parent
 
@@ -95,12 +95,6 @@ def test_no_setting_is_left_out_of_the_tables_and_none_breaks_them():
         assert row.isascii(), row
 
 
-def test_the_readme_states_the_result_of_the_stored_runs():
-    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("\n> ", "\n").split())
-    for sentence in report.result():
-        assert sentence in readme, "write the first three sentences of `homing summary` under 'The result' of README.md"
-
-
 def figures_shown():
     """Name and notebook of each figure of the report."""
     return re.findall(
@@ -110,7 +104,7 @@ def figures_shown():
 
 def test_every_figure_that_a_notebook_writes_is_in_the_report_once_and_its_caption_names_the_notebook():
     sources = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "notebooks").glob("*.ipynb")}
-    saved = re.compile(r'figures_dir, \\"([\w-]+)\\"')
+    saved = re.compile(r'(?:figures_dir, |figures\.show\()\\"([\w-]+)\\"')
     written = [(name, notebook) for notebook, source in sources.items() for name in saved.findall(source)]
     assert sorted(figures_shown()) == sorted(written)
 
@@ -121,53 +115,20 @@ def test_the_text_refers_to_every_figure_and_table():
     assert labels == set(re.findall(r"\\(?:eq)?ref{([\w:-]+)}", source))
 
 
-def test_the_text_tells_what_was_found_by_the_verdict():
-    for question, texts in answers.FOUND.items():
-        assert claims.judge(question).verdict in texts
-        assert len(set(texts.values())) == len(texts) > 1
-        predicate = claims.CLAIMS[question].predicate.lower()
-        assert texts.keys() >= {"yes", "not shown"} | {word for word in ("partly", "no") if f" {word}:" in predicate}
+def test_every_question_and_claim_has_a_row_of_the_report_and_a_line_of_the_summary_in_order():
+    rows = [row.split(" & ")[0] for claims in (False, True) for row in report._verdicts(claims=claims).splitlines()]
+    assert rows == list(findings.questions())
+    assert [line.split()[0] for line in report.summary().splitlines()[-len(rows) :]] == rows
 
 
-def test_the_result_has_words_for_every_verdict():
-    every = {"yes", "partly", "no", "not shown"}
-    assert answers._AHEAD.keys() == answers._PAYS.keys() == every
-    assert answers._BETTER.keys() == every - {"partly"}  # of one comparison
-
-
-def test_the_abstract_tells_the_result_without_its_numbers():
-    _, *told = report.result()
-    for short, long in zip((answers.varying_lambda(numbers=False), answers.worth(numbers=False)), told, strict=True):
-        assert "[" not in short
-        assert re.sub(r" \(.*?\)", "", long).startswith(short.rstrip("."))
-
-
-@pytest.mark.parametrize(
-    ("aspects", "told"),
-    [
-        (("yes", "yes", "no"), "its timing and its sign matter and its size does not matter"),
-        (("not shown",) * 3, "its timing, its sign and its size are not shown to matter"),
-        (("partly", "no", "yes"), "its size matters, its timing matters in part and its sign does not matter"),
-    ],
-)
-def test_what_matters_is_told_by_the_verdicts(aspects, told):
-    assert answers.matters(dict(zip(("its timing", "its sign", "its size"), aspects, strict=True))) == told
-
-
-def test_the_verdicts_name_every_judged_claim_once():
-    named = re.findall(r"C\d+", report.verdicts())
-    assert sorted(named) == sorted(claims.names("C"))
-    ends = report.summary().splitlines()[-len(claims.names()) :]
-    assert [line.split()[0] for line in ends] == claims.names()
-
-
-def test_claims_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copied():
+def test_findings_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copied():
     told, slips = report.judged(), report.misprints()
-    how, *each = told.split("\n\n")
+    how, *each = re.split(r"\n\n(?=\w+: )", told)
     assert how.startswith("How it is judged. ")
-    assert [re.match(r"\w+ (\w+), .*\nPredicate: ", one, re.S)[1] for one in each] == claims.names()
+    assert [re.match(r"(\w+): .*\n  Predicate: ", one)[1] for one in each] == list(findings.questions())
+    assert report.judged(["C8"]).count("Predicate: ") == 1
     assert len(slips.split("\n\n")) == len(errata.ERRATA)
-    assert "*" not in told + slips
+    assert "*" not in how + slips
     for proof in (proof for one in errata.ERRATA for proof in one.proofs if proof.startswith("tests/")):
         assert proof in slips
 
@@ -175,8 +136,8 @@ def test_claims_and_errata_are_told_in_plain_paragraphs_whose_tests_can_be_copie
 def test_the_tables_of_claims_and_errata_have_a_row_for_each():
     macros = dict(re.findall(r"^\\newcommand{\\(\w+)}{(.*?)}$", report.latex(), re.MULTILINE | re.DOTALL))
     assert macros["tableErrata"].count(r"\\") == len(errata.ERRATA)
-    assert macros["tableClaims"].count(r"\\") == len(claims.names("C"))
-    assert macros["tableQuestions"].count(r"\\") == len(claims.names("Q"))
+    assert macros["tableClaims"].count(r"\\") == len([one for one in findings.questions().values() if one.is_claim])
+    assert macros["tableQuestions"].count(r"\\") == len(findings.ORDER)
     outside = re.sub(r"\$[^$]*\$", "", macros["tableErrata"])
     assert not re.search(r"(?<!\\)[_^#%]", outside)
     assert outside.isascii()

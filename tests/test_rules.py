@@ -24,25 +24,45 @@ def test_every_rule_is_run_with_every_seed_as_alone():
     np.testing.assert_array_equal([*compared.steps.values()], alone)
 
 
-def test_the_verdict_is_on_the_last_five_episodes_seed_by_seed_against_the_first_rule():
-    first = np.array([[99, 10, 10, 10, 10, 10], [99, 20, 20, 20, 20, 20], [99, 30, 30, 30, 30, 30]])
-    found = rules.Rules({"a": first, "twice": 2 * first, "half": first / 2, "same": first})
-    assert {label: verdict.word for label, verdict in found.verdicts.items()} == {
-        "twice": "worse",
-        "half": "better",
-        "same": "comparable",
-    }
-    assert found.verdicts["twice"].typical == (2, 2, 2)
+FIRST = np.array([[99, 10, 10, 10, 10, 10], [99, 20, 20, 20, 20, 20], [99, 30, 30, 30, 30, 30]], dtype=float)
 
 
-def test_the_table_says_of_each_column_whether_it_is_of_the_mean_or_of_the_typical_robot():
-    first = np.array([[9, 10], [9, 10], [9, 10], [9, 50]])
-    header, _, *rows = str(rules.Rules({"a": first, "twice": 2 * first})).splitlines()
-    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in (header, *rows)]
-    assert cells[0][1:3] == ["steps of the last 5 episodes: mean", "typical (IQM)"]
-    assert cells[0][3:] == ["as a multiple of a: mean", "typical (IQM)", "verdict"]
-    assert cells[1] == ["a", "14.5", "9.5", "1", "1", ""]  # means of 9.5 three times and 29.5: the middle half is 9.5
-    assert cells[2] == ["twice", "29.0", "19.0", "2.00 [2.00, 2.00]", "2.00 [2.00, 2.00]", "worse"]
+def test_the_verdict_is_on_the_steps_of_all_episodes_seed_by_seed_against_the_first_rule():
+    late = np.c_[FIRST[:, :1], FIRST[:, 1:] * 2]
+    found = rules.Rules({"a": FIRST, "twice": 2 * FIRST, "half": FIRST / 2, "same": FIRST, "late": late})
+    words = {label: verdict.word for label, verdict in found.verdicts.items()}
+    assert words == {"twice": "more", "half": "fewer", "same": "the same", "late": "more"}
+    assert found.verdicts["twice"].interval == (2, 2, 2)
+    assert found.verdicts["late"].value == pytest.approx((3 * 99 + 2 * 300) / (3 * 99 + 300))
+    assert found.late["late"].interval == (2, 2, 2)
+
+
+def test_what_is_said_of_the_late_episodes_is_said_of_the_typical_robot():
+    ours, theirs = np.full((8, 6), 20.0), np.full((8, 6), 10.0)
+    theirs[0] = 10_000
+    found = rules.Rules({"theirs": theirs, "ours": ours})
+    assert found.late["ours"].value == 2
+    assert found.verdicts["ours"].value == pytest.approx(160 / 10_070)
+
+
+def test_the_table_has_total_and_late_steps_each_as_a_multiple_of_the_first_with_its_verdict():
+    first = np.array([[9.0, 10], [9, 10], [9, 10], [9, 50]])
+    *_, one, twice = str(rules.Rules({"a": first, "twice": 2 * first})).splitlines()
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in (one, twice)]
+    assert cells[0] == ["a", "29", "1", "", "9.5", "1", ""]  # late: 9.5 three times and 29.5; the middle half is 9.5
+    assert cells[1] == ["twice", "58", "2.00 [2.00, 2.00]", "more", "19.0", "2.00 [2.00, 2.00]", "more"]
+
+
+def test_lambdas_are_drawn_as_often_as_they_were_met_to_two_digits_and_whatever_the_step():
+    def drawn():
+        return rules.ResampledLambda([0.0, 0.254, 1, 0.246], [8, 1, 5, 6], np.random.default_rng(0))
+
+    one, other = drawn(), drawn()
+    values = np.array([one(delta=np.nan, phi=None) for _ in range(4000)])
+    for value, share in ((0, 0.4), (0.25, 0.35), (1, 0.25)):
+        assert (values == value).mean() == pytest.approx(share, abs=0.03)
+        assert (values[1:][values[:-1] == value] == 0).mean() == pytest.approx(0.4, abs=0.06)
+    np.testing.assert_array_equal(other.beforehand(4000), values)
 
 
 def test_the_first_few_seeds_are_what_they_alone_would_say():

@@ -4,15 +4,18 @@ import zipfile
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from homing_lib.agent import Run, run
+from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.errors import UserError
 from homing_lib.settings import Settings
 from homing_lib.study import measures, runs
 from homing_lib.study.runs import (
     Study,
+    by_episode,
     compare,
+    episodes_of,
     fingerprint,
     load,
     load_study,
@@ -25,7 +28,7 @@ from homing_lib.study.runs import (
 
 TINY = Settings(episodes=2, survey_steps=20, max_steps=10)
 STUDY = Study("tiny", "To be quick.", {"form 2": TINY, "random": TINY.with_changes(controller="random")}, range(3))
-TABLE = replace(STUDY, measure=measures.episodes)
+TABLE = replace(STUDY, measure=measures.curve)
 
 both_kinds = pytest.mark.parametrize("study", [STUDY, TABLE], ids=["every step", "table"])
 
@@ -247,9 +250,54 @@ def test_a_table_holds_the_measure_of_each_run_by_condition_and_seed(computed):
     table = load_table(TABLE)
     assert len(table) == 2 * 3 * TINY.episodes
     for (label, seed), rows in table.groupby(["condition", "seed"], observed=True):
-        alone = measures.episodes(TABLE.conditions[label], seed)
+        alone = measures.curve(TABLE.conditions[label], seed)
         for name, values in alone.items():
             np.testing.assert_array_equal(rows[name], values.astype(np.float32))
+
+
+def test_a_setting_that_varies_is_a_column_unless_the_measure_has_one_of_its_name(computed):
+    computed(TABLE)
+    table = load_table(TABLE)
+    assert list(table) == ["condition", "seed", "episode", "steps", "controller"]
+    assert (table.controller == table.condition.map({"form 2": "sarsa", "random": "random"}).astype(object)).all()
+    alike = replace(TABLE, name="alike", conditions={"form 2": TINY})
+    varied = replace(
+        TABLE, name="varied", conditions={"one": TINY, "two": TINY.with_changes(alpha0=0.1)}, measure=alpha
+    )
+    for study in (alike, varied):
+        sweep(study, workers=1)
+    assert list(load_table(alike)) == ["condition", "seed", "episode", "steps"]
+    assert load_table(varied).alpha0.tolist() == [7] * 6
+
+
+def alpha(settings, seed):
+    return {"alpha0": np.array([7.0])}
+
+
+def test_steps_and_sums_of_each_episode_are_those_of_its_steps():
+    several = [made([1, 2, 3]), made([2, 2, 2])]
+    assert by_episode(several).tolist() == [[1, 2, 3], [2, 2, 2]]
+    assert by_episode(several, "reward").tolist() == [[0, 1 + 2, 3 + 4 + 5], [1, 5, 9]]
+
+
+def made(lengths, diverged=0):
+    steps = np.zeros((sum(lengths), len(STEP_COLUMNS)))
+    steps[:, STEP_COLUMNS.index("reward")] = np.arange(sum(lengths))
+    settings = Settings(episodes=3, max_steps=100)
+    return Run(settings, 0, steps, np.array(lengths, dtype=int), np.ones(len(lengths), dtype=bool), diverged)
+
+
+def test_episodes_lost_to_divergence_count_as_never_home_and_have_no_sums():
+    several = [made([4], diverged=2), made([], diverged=1)]
+    assert by_episode(several).tolist() == [[4, 100, 100], [100, 100, 100]]
+    assert np.isnan(by_episode(several, "reward")).tolist() == [[False, True, True], [True] * 3]
+
+
+def test_a_table_gives_a_row_a_run_whatever_its_order_and_counts_lost_episodes_as_the_cap():
+    rows = [("a", 7, 2, np.nan, np.nan), ("a", 7, 1, 30.0, 3.0), ("a", 5, 1, 10.0, 1.0), ("a", 5, 2, 20.0, 2.0)]
+    table = pd.DataFrame([*rows, ("b", 5, 1, 99.0, 9.0)], columns=["condition", "seed", "episode", "steps", "change"])
+    assert episodes_of(table, "a").tolist() == [[10, 20], [30, Settings().max_steps]]
+    assert np.isnan(episodes_of(table, "a", "change")).tolist() == [[False, False], [False, True]]
 
 
 def test_a_damaged_table_or_manifest_is_refused_and_one_of_another_study_is_not_taken_for_this(computed):

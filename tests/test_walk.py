@@ -41,13 +41,23 @@ def test_each_rule_is_judged_at_the_step_size_that_other_walks_chose(monkeypatch
     assert race.step_size == {"fixed:0.8": 0.2, "gate": 0.6, "inverse": 0.2}
     assert race.tried["gate"].shape == (3, 2)
     np.testing.assert_allclose(race.errors["gate"], np.full(5, 1.6))
-    assert race.verdicts["gate"].typical == pytest.approx((0.4, 0.4, 0.4))
-    assert {name: one.word for name, one in race.verdicts.items()} == {"gate": "better", "inverse": "comparable"}
+    assert race.verdicts["gate"].interval == pytest.approx((0.4, 0.4, 0.4))
+    assert {name: one.word for name, one in race.verdicts.items()} == {"gate": "fewer", "inverse": "the same"}
     assert str(race).splitlines()[2:] == [
         "| fixed:0.8 | 0.2 | 4.000 | 1 | |",
-        "| gate | 0.6 | 1.600 | 0.40 [0.40, 0.40] (mean 0.40 [0.40, 0.40]) | better |",
-        "| inverse | 0.2 | 4.000 | 1.00 [1.00, 1.00] (mean 1.00 [1.00, 1.00]) | comparable |",
+        "| gate | 0.6 | 1.600 | 0.40 [0.40, 0.40] | fewer |",
+        "| inverse | 0.2 | 4.000 | 1.00 [1.00, 1.00] | the same |",
     ]
+    assert race.table({"fewer": "less"}).splitlines()[3:] == [
+        "| gate | 0.6 | 1.600 | 0.40 [0.40, 0.40] | less |",
+        "| inverse | 0.2 | 4.000 | 1.00 [1.00, 1.00] | the same |",
+    ]
+
+
+def test_a_fixed_lambda_on_the_walk_has_the_error_of_the_literature():
+    for rule, alpha, published in (("fixed:0", 0.8, 0.3452), ("fixed:0.4", 0.6, 0.2803)):  # Sutton & Barto, fig. 12.6
+        found = [walk.learning(rule, seed, alpha).mean() for seed in range(10)]
+        assert np.mean(found) == pytest.approx(published, abs=4 * np.std(found) / np.sqrt(10))
 
 
 def test_no_rule_of_the_race_would_rather_have_a_step_size_beyond_those_that_it_offers():
@@ -61,7 +71,7 @@ def test_weights_that_are_lost_are_a_great_error_and_no_gap_in_the_race():
     rules = {"λ = 0": "fixed:0", "grows": "fixed:1"}
     race = walk.race(rules, choose=range(2), judge=range(1000, 1003), step_sizes=(100.0,))
     assert (race.errors["grows"] == walk.LOST).all()
-    assert np.isfinite(race.verdicts["grows"].mean).all()
+    assert np.isfinite(race.verdicts["grows"].interval).all()
 
 
 def test_what_is_no_rule_is_named_before_any_run(monkeypatch):

@@ -66,6 +66,7 @@ def _parser() -> argparse.ArgumentParser:
         to.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
     film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
     film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
+    run.add_argument("--as-printed", action="store_true", help="start from the paper's letter, not from our choices")
     command("settings", _settings, "every setting, its default and its source")
     data = command("data", _data, "check the stored runs and compute those that are missing")
     data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
@@ -91,9 +92,11 @@ def _parser() -> argparse.ArgumentParser:
     notebook.add_argument("--profile", choices=("full", "quick"), default="full")
     notebook.add_argument("--output-dir", type=Path)
     notebook.add_argument("--figures-dir", type=Path)
-    command("report", partial(_print, "latex"), "the numbers and tables of the report, as LaTeX")
-    command("summary", partial(_print, "summary"), "the headline numbers")
-    command("claims", partial(_print, "judged"), "every claim and question: verdict, effect and predicate")
+    numbers = command("numbers", _numbers, "fill the findings' numbers into README, lessons and notebooks")
+    numbers.add_argument("--latex", action="store_true", help="print numbers and tables of the report instead")
+    command("summary", partial(_print, "summary"), "the headline, and every verdict")
+    claims = command("claims", _claims, "questions and claims: verdict, predicate, and every number")
+    claims.add_argument("names", nargs="*", metavar="NAME", help="such as varying or C8; by default all")
     command("errata", partial(_print, "misprints"), "every slip of the printed paper: reading, effect and proof")
     return parser
 
@@ -122,8 +125,9 @@ def _run(options: argparse.Namespace) -> None:
 
     from homing_lib import agent
     from homing_lib.study import runs
+    from homing_lib.study.questions.printed import LETTER
 
-    settings = changed_settings(options.set)
+    settings = changed_settings(options.set, LETTER if options.as_printed else Settings())
     with whole(options.out) if options.out else nullcontext() as part:
         if part:
             part.touch()  # tried before any work is done
@@ -144,12 +148,12 @@ def _film(options: argparse.Namespace) -> None:
     film(changed_settings(options.set), options.seed, options.episode, options.out)
 
 
-def changed_settings(changes: Sequence[str]) -> Settings:
-    """Settings from texts like "alpha0=0.003". Raises UserError."""
+def changed_settings(changes: Sequence[str], settings: Settings | None = None) -> Settings:
+    """Settings, by default ours, changed by texts like "alpha0=0.003". Raises UserError."""
     for change in changes:
         if not change.partition("=")[0].strip() or "=" not in change:
             raise UserError(f"--set {shown(change)[1:-1]}: expected NAME=VALUE")
-    return Settings(**dict(change.split("=", 1) for change in changes))
+    return (settings or Settings()).with_changes(**dict(change.split("=", 1) for change in changes))
 
 
 def _settings(_: argparse.Namespace) -> None:
@@ -158,11 +162,14 @@ def _settings(_: argparse.Namespace) -> None:
 
 
 def _data(options: argparse.Namespace) -> None:
-    from homing_lib.study import runs, studies
+    from tqdm import tqdm
+
+    from homing_lib.study import findings, runs, studies
 
     anew: set[Path] = set()
     for study in studies.in_order():
         runs.sweep(study, force=options.force, anew=anew)
+    findings.judge_all(partial(tqdm, desc="verdicts", unit="verdict", delay=1, leave=False))
     contents = {studies.PAGE: studies.page()}
     if options.stamp:
         contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
@@ -201,6 +208,24 @@ def _notebook(options: argparse.Namespace) -> None:
 
     for path in notebooks.execute(options.name, options.profile, options.output_dir, options.figures_dir):
         print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _numbers(options: argparse.Namespace) -> None:
+    from homing_lib.publish import prose, report
+
+    if options.latex:
+        print(report.latex())
+        return
+    for path in prose.update():
+        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    for line in [*prose.broken(), *prose.unpinned()]:
+        print(f"homing: {line}", file=sys.stderr)
+
+
+def _claims(options: argparse.Namespace) -> None:
+    from homing_lib.publish import report
+
+    print(report.judged(options.names))
 
 
 def _print(what: str, _: argparse.Namespace) -> None:

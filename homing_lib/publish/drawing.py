@@ -32,13 +32,25 @@ _DASHES = "-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 1)), (
 LINES = tuple(zip((BLUE, ORANGE, GREEN, INK, "#CC79A7", GREY, SKY), _DASHES, strict=True))
 """Colours and dashes of several curves in one panel, in order."""
 
+COLOURS = {
+    "form 2": BLUE,
+    "fixed 0": ORANGE,
+    "best fixed": GREEN,
+    "standard": "#CC79A7",
+    "climb": GREY,
+    "random": INK,
+    "learning on": SKY,
+    "frozen": "#E69F00",
+    "camera": "#7A5195",
+}
+"""One for each thing, in all figures."""
+
 DASHED: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 2)), "linewidth": 0.8}
 """A level that something is held against."""
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
-    **dict.fromkeys(("font.size", "axes.labelsize"), 7.5),
-    "axes.titlesize": 8,
+    **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize", "legend.fontsize"), 8),
     "axes.titlelocation": "left",
     **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
     **dict.fromkeys(("axes.edgecolor", "axes.labelcolor", "text.color"), INK),
@@ -160,7 +172,7 @@ def beside(axes: Axes, text: str, at: tuple[float, float], points: tuple[float, 
 def note(axes: Axes, text: str, at: tuple[float, float], **options: Any) -> None:
     """Text on a light ground, so that it can be read over a picture."""
     ground = {"boxstyle": "round,pad=0.18", "facecolor": "white", "alpha": 0.75, "linewidth": 0}
-    axes.text(*at, text, fontsize=7, bbox=ground, zorder=5, **options)
+    axes.text(*at, text, fontsize=8, bbox=ground, zorder=5, **options)
 
 
 def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:

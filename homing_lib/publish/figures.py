@@ -19,8 +19,8 @@ from homing_lib.publish.drawing import BLUE, DASHED, GREEN, GREY, INK, ORANGE, S
 from homing_lib.rooms import Box, Room
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, whole
-from homing_lib.study.statistics import Interval
-from homing_lib.thresholds import Thresholds
+from homing_lib.study import findings
+from homing_lib.study.bootstrap import Interval
 
 
 def save(figure: Figure, figures_dir: str | Path | None, name: str) -> None:
@@ -33,6 +33,14 @@ def save(figure: Figure, figures_dir: str | Path | None, name: str) -> None:
     for kind, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
         with whole(Path(figures_dir) / f"{name}.{kind}") as part, plt.rc_context(STYLE):
             figure.savefig(part, format=kind, metadata=metadata)
+
+
+def show(name: str, figure: Figure, figures_dir: str | Path | None) -> None:
+    """In a notebook: the verdict on a question, its predicate, and its figure, which is saved under its name."""
+    from IPython import display
+
+    save(figure, figures_dir, name)
+    display.display(display.Markdown(str(findings.finding(name))))  # type: ignore[no-untyped-call]
 
 
 def stored(name: str) -> None:
@@ -87,48 +95,6 @@ def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room
         drawing.note(plan, thing.name, at, va=va, ha="right" if ahead else "center")
     drawing.picture(upper, home, "from home")
     drawing.picture(lower, start, "from the start")
-    return figure
-
-
-@styled
-def similarity_map(similarity: Array, room: Room, thresholds: Thresholds) -> Figure:
-    """Similarity to home over the room, at home's heading, shape (rows of y, columns of x); NaN where no robot fits."""
-    width, depth = room.size
-    figure, axes = plt.subplots(figsize=(0.62 * TEXT_WIDTH, 3.0), layout="compressed")
-    shown = axes.imshow(similarity, origin="lower", extent=(0, width, 0, depth), vmax=1)
-    figure.colorbar(shown, label="similarity NRB")
-    rows, columns = similarity.shape
-    x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
-    axes.contour(x, y, similarity, levels=[thresholds.upper], colors="white", linewidths=1.2)
-    drawing.draw_floor_plan(axes, room)
-    drawing.in_metres(axes, room)
-    drawing.note(axes, f"inside the white line:\nNRB ≥ {thresholds.upper:.4f}", (0.03, 0.03), va="bottom", ha="left")
-    share = (similarity >= thresholds.upper).sum() / np.isfinite(similarity).sum()
-    axes.set_title(f"With home's heading, {share:.1%} of the places pass for home")
-    return figure
-
-
-@styled
-def similarity_by_heading(
-    heading_deg: Array, similarity: Array, thresholds: Thresholds, fit: tuple[Array, str] | None = None
-) -> Figure:
-    """Similarity at home against the heading's difference from the snapshot's; fit: a fitted curve and its name."""
-    figure, axes = plt.subplots(figsize=(0.8 * TEXT_WIDTH, 2.4))
-    axes.plot(heading_deg, similarity, color=BLUE)
-    side = heading_deg.size // 6
-    drawing.beside(axes, "measured", (heading_deg[side], similarity[side]), (0, 12), color=BLUE)
-    if fit:
-        curve, name = fit
-        axes.plot(heading_deg, curve, color=ORANGE, linestyle=(0, (4, 2)))
-        side = heading_deg.size // 2 + heading_deg.size // 8
-        drawing.beside(axes, name, (heading_deg[side], curve[side]), (8, 6), color=ORANGE)
-    drawing.level(axes, thresholds.upper, f"$\\psi_{{upper}}$ = {thresholds.upper:.4f}")
-    axes.set(xlabel="heading from home's (degrees)", xlim=(-180, 180), xticks=range(-180, 181, 60))
-    axes.set(ylabel="similarity NRB", ylim=(None, 1.03))
-    passing = heading_deg[similarity >= thresholds.upper]
-    if passing.size:
-        found = f"At home, headings from {passing.min():.0f}° to {passing.max():.0f}° pass for home's"
-        axes.set_title(found.replace("-", "\N{MINUS SIGN}"))
     return figure
 
 
@@ -243,41 +209,6 @@ def learning_curves(
     right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
     for axes in figure.axes:
         axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
-    return figure
-
-
-@styled
-def lambda_trace(lambda_: Array, clipped: Array, similarity: Array, thresholds: Thresholds) -> Figure:
-    """Lambda at every step of an episode, and which values eq. (7) would have put outside [0, 1]."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, height_ratios=[1.3, 1], figsize=(TEXT_WIDTH, 2.6))
-    step = np.arange(1, lambda_.size + 1)
-    cut = clipped.astype(bool)
-    upper.vlines(step, 0, lambda_, color=SKY, linewidth=0.8)
-    upper.plot(step[~cut], lambda_[~cut], "o", color=BLUE, markersize=2.5)
-    upper.plot(step[cut], lambda_[cut], "x", color=ORANGE, markersize=3, markeredgewidth=0.7)
-    upper.set(ylabel="$\\lambda_t$", ylim=(-0.08, 1.08), yticks=[0, 0.5, 1])
-    upper.set_title(f"Reset to 0 or 1 at {cut.mean():.0%} of the steps (crosses), else as eq. (7) gives it (dots)")
-    lower.plot(step, similarity, color=BLUE, linewidth=1)
-    lower.set(xlabel="step", ylabel="similarity NRB", xlim=(0, step[-1] + 1), ylim=(None, 1))
-    drawing.level(lower, thresholds.upper, "$\\psi_{upper}$")
-    return figure
-
-
-@styled
-def potential_trace(potential: Array, reward: Array) -> Figure:
-    """What an initial value pays along an episode, step by step, beside the reward. Shapes (steps,).
-
-    potential: of the view after each step; it pays its difference.
-    """
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, height_ratios=[1, 1.2], figsize=(TEXT_WIDTH, 2.8))
-    step, paid = np.arange(1, potential.size + 1), np.diff(potential)
-    upper.plot(step, potential, color=BLUE, linewidth=1)
-    upper.set(ylabel="$\\Phi = n$ NRB", xlim=(0, step[-1] + 1))
-    for values, at, colour, mark in ((paid, step[1:], BLUE, "o"), (reward, step, ORANGE, "x")):
-        lower.plot(at, np.maximum(abs(values), 1e-3), mark, color=colour, markersize=2.5, markeredgewidth=0.7)
-    lower.set(xlabel="step", ylabel="size of what is paid", yscale="log")
-    times = np.median(abs(paid)) / np.median(abs(reward))
-    upper.set_title(f"In the median step the potential (dots) pays {times:.0f} times as much as the reward (crosses)")
     return figure
 
 

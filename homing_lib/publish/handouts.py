@@ -15,7 +15,6 @@ import nbformat
 
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, execute
 from homing_lib.storage import ROOT, write_bytes
-from homing_lib.study.mechanism import MECHANISM
 from homing_lib.study.runs import missing
 
 LAB = NOTEBOOKS / "lab.ipynb"
@@ -51,10 +50,9 @@ def executed(answers: Mapping[str, str]) -> bytes:
 
 
 def students() -> dict[str, bytes]:
-    """What is in the students' archive, by name: the blank lab, the library, and the one table that the lab reads."""
+    """What is in the students' archive, by name: the blank lab, and the library."""
     library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".atlas")]
-    tables = [MECHANISM.table, MECHANISM.table.with_suffix(".json"), ROOT / "data" / "STUDIES.md"]
-    files = [*library, *tables, ROOT / "pyproject.toml", ROOT / "LICENSE"]
+    files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
     return packed | {LAB.name: _content(LAB), "README.md": _content(GUIDE.with_name("README.md"))}
 

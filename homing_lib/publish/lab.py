@@ -10,15 +10,16 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from homing_lib import lambdas
 from homing_lib.features import Array
 from homing_lib.publish import checks
 from homing_lib.publish.checks import SEED, Outcome, Wrong, alike, check, expect, hint
 from homing_lib.settings import Settings
-from homing_lib.study import engine, mechanism, rules, theorem, walk
-from homing_lib.study.measures import WINDOW
-from homing_lib.study.runs import by_episode, load_table
+from homing_lib.study import engine, findings, rules, theorem, walk
+from homing_lib.study.questions import drives as what_drives
+from homing_lib.study.runs import by_episode
 from homing_lib.td import LinearTD
 
 # --- Task 1: the trace -----------------------------------------------------------------------------------------------
@@ -351,7 +352,7 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
     told = (
         f"Its error is {against:.2f} of that of λ = 0.8, at α = {found.step_size['the rule']:g}: {WORDS[against.word]}."
     )
-    if against.word != "worse":
+    if against.word != "more":
         return told
     undefined, kept = _asked_how_often(rule, judge, found.step_size["the rule"])
     why = "With which λ would the reward of an end reach the middle sooner?"
@@ -364,7 +365,7 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
     raise Wrong(f"{told} {why}")
 
 
-WORDS = {"better": "better", "worse": "worse", "comparable": "tie", "open": "tie"}
+WORDS = {"fewer": "better", "more": "worse", "the same": "tie", "undecided": "tie"}
 """What a comparison is called here: a tie is all that is neither better nor worse."""
 
 
@@ -387,8 +388,8 @@ def _asked_how_often(rule: Any, seeds: Sequence[int], step_size: float) -> tuple
 
 
 def robot(rule: lambdas.LambdaRule, seeds: range = range(1000)) -> rules.Rules:
-    """The rule drives the robot on the compact atlas, against fixed 0, form 2, the best other rule of the studies, and
-    the climb up the similarity, which learns nothing. Where the rule is none, λ = 0.8 drives in its stead.
+    """The rule drives the robot on the compact atlas, against fixed 0, form 2, the gate, and the climb up the
+    similarity, which learns nothing. Where the rule is none, λ = 0.8 drives in its stead.
     """
     mine = "my rule"
     if (outcome := a_rule.judge(rule)).verdict != "proven":
@@ -400,54 +401,108 @@ def robot(rule: lambdas.LambdaRule, seeds: range = range(1000)) -> rules.Rules:
 @cache
 def _rivals(seeds: range) -> Mapping[str, Array]:
     """The steps of the others, who are the same for every rule."""
-    best = next(label for label in mechanism.ranking(load_table(mechanism.MECHANISM)) if label not in RIVALS)
-    learnt = rules.compare({label: lambdas.parse(mechanism.CORE[label]).rule for label in (*RIVALS, best)}, seeds)
+    learnt = rules.compare({label: lambdas.parse(rule).rule for label, rule in RIVALS.items()}, seeds)
     climb = Settings(images="compact", controller="climb")
     climbed = engine.side_by_side(lambda seed: by_episode([engine.run(climb, seed)])[0], seeds, [])
     return {**learnt.steps, "the climb": np.array(climbed)}
 
 
-RIVALS = ("fixed 0", "form 2")
+RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
 
 
 def table(found: rules.Rules) -> str:
-    """The drivers' late steps as a multiple of those of the rule, without verdicts, in Markdown."""
+    """The drivers' total steps as a multiple of those of the rule, without verdicts, in Markdown."""
     mine = next(iter(found.steps))
-    rows = [
-        f"| driver | steps of the last {WINDOW} episodes, mean | as a multiple of {mine}, typical | mean |",
-        "|---|---|---|---|",
-    ]
+    rows = [f"| driver | steps of all episodes, mean | as a multiple of {mine} |", "|---|---|---|"]
     for label, steps in found.steps.items():
-        ratios = " | ".join(f"{one:.2f}" for one in found.verdicts[label]) if label != mine else "1 | 1"
-        rows.append(f"| {label} | {steps[:, -WINDOW:].mean():.1f} | {ratios} |")
+        ratio = f"{found.verdicts[label]:.2f}" if label != mine else "1"
+        rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {ratio} |")
     return "\n".join(rows)
 
 
 @check("6 · what may be said")
 def read(words: Any, found: rules.Rules) -> str:
-    """Better or worse is said only where both intervals lie on one side of 1; all else is a tie.
+    """Better or worse is said only where the whole interval lies on one side of 1, and not all of it within a tenth.
 
     words: by driver, "better", "worse" or "tie": what my rule is.
     """
     _complete(words, [*found.verdicts])
-    mine = {"better": "worse", "worse": "better"}  # by what the other is
+    mine = {"fewer": "worse", "more": "better"}  # by what the other takes
     for label, against in found.verdicts.items():
         said, right = words[label], mine.get(against.word, "tie")
         if said not in ("better", "worse", "tie"):
             raise Wrong(f"{label}: say better, worse or tie.")
         if said == right:
             continue
+        if against.word == "the same":
+            raise Wrong(f"{label}: {against:.2f} lies between 0.91 and 1.1, whatever side of 1: a tie.")
         if right == "tie":
-            raise Wrong(f"{label}: of {against:.2f} not both lie on one side of 1, so that chance may have done it.")
+            raise Wrong(f"{label}: {against:.2f} holds 1, so that chance may have done it.")
         if said == "tie":
-            raise Wrong(f"{label}: both of {against:.2f} lie on one side of 1, so that something may be said.")
+            raise Wrong(f"{label}: {against:.2f} lies on one side of 1, so that something may be said.")
         raise Wrong(f"{label}: the wrong way round. Above 1 the others take more steps, and mine is better.")
     return f"Mine is: {', '.join(f'{words[label]} against {label}' for label in found.verdicts)}."
 
 
+# --- Task 7: the same robot, learning on and frozen ------------------------------------------------------------------
+
+ALONE = {"the weights learnt alone": "frozen", "the updates alone": "forgetful", "both together": "restored"}
+"""What a robot may have, and how it is then called in `drives`."""
+
+
+def tried(seeds: range = range(200)) -> dict[str, Array]:
+    """What robots do after ten of twenty episodes on the compact atlas, from the start: by kind, as in `drives`, the
+    steps of a trial, one number per robot.
+    """
+    settings = what_drives.after(what_drives.JUDGED_AFTER, images="compact")
+    each = engine.side_by_side(lambda seed: what_drives.tried(settings, seed), seeds, [])
+    found = pd.concat([pd.DataFrame(one).assign(seed=seed) for seed, one in zip(seeds, each, strict=True)])
+    return {kind: what_drives.taken(what_drives.of_kind(found, kind)) for kind in what_drives.KINDS}
+
+
+def four_ways(found: Mapping[str, Array]) -> str:
+    """The steps of `tried`, with and without the weights learnt and the learning, in Markdown."""
+    told = {kind: f"{findings.estimate(steps):.0f}" for kind, steps in found.items()}
+    rows = [
+        "| steps to home, mean | learning on | frozen |",
+        "|---|---|---|",
+        f"| **weights learnt** | {told['restored']} | {told['frozen']} |",
+        f"| **initial weights** | {told['forgetful']} | {told['untrained']} |",
+        "",
+        f"The climb: {told['climb']}. Random actions: {told['random']}.",
+    ]
+    return "\n".join(rows)
+
+
+@check("7 · what drives it")
+def drives(words: Any, found: Mapping[str, Array]) -> str:
+    """A part brings the robot home if with it the robot takes fewer steps than random actions, by the whole interval.
+
+    words: by part, True or False; found: of `tried`.
+    """
+    _complete(words, [*ALONE])
+    ratios = {part: findings.steps(found[kind], found["random"]) for part, kind in ALONE.items()}
+    for part, ratio in ratios.items():
+        if not isinstance(words[part], bool | np.bool_):
+            raise Wrong(f"{part}: say True or False.")
+        if words[part] == (ratio.high < 1):
+            continue
+        beside = f"{part}: {ratio:.2f} times the steps of random actions"
+        if ratio.high < 1 and part == "both together":
+            raise Wrong(f"{beside}, which is fewer. That neither part does it alone says nothing of the two together.")
+        if ratio.high < 1:
+            raise Wrong(f"{beside}, which is fewer.")
+        if ratio.low <= 1:
+            raise Wrong(f"{beside}, which holds 1, so that chance may have done it.")
+        if findings.steps(found[ALONE[part]], found["untrained"]).high < 1:
+            raise Wrong(f"{beside}: more. It is fewer than with neither part, but that robot is worse than chance.")
+        raise Wrong(f"{beside}: more. Above 1 random actions are home sooner.")
+    return f"As a multiple of random actions: {', '.join(f'{part} {ratio:.2f}' for part, ratio in ratios.items())}."
+
+
 # --- What was proven, and shown --------------------------------------------------------------------------------------
 
-TASKS = (trace, share, from_beta, form_1, first_reset, guards, reach, a_rule, race, read)
+TASKS = (trace, share, from_beta, form_1, first_reset, guards, reach, a_rule, race, read, drives)
 
 
 def report() -> None:
@@ -462,8 +517,9 @@ def report() -> None:
     print(f"{sum(outcome.verdict == 'proven' for outcome in found)} of {len(TASKS)} proven.")
 
 
-def recap(seen: theorem.Parting, raced: walk.Race, found: rules.Rules) -> None:
-    """Print what each task should have shown, in a line each. seen, raced, found: what tasks 3, 4 and 6 computed."""
+def recap(seen: theorem.Parting, raced: walk.Race, found: rules.Rules, tried: Mapping[str, Array]) -> None:
+    """Print what each task should have shown, in a line each. seen, raced, found, tried: what tasks 3, 4, 6 and 7
+    computed."""
     steps = ceil(log(0.5) / log(0.9 * 0.8))
     print(f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {steps} steps.")
     printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
@@ -495,4 +551,11 @@ def recap(seen: theorem.Parting, raced: walk.Race, found: rules.Rules) -> None:
     print(
         f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then "
         f"{(learns[:caught] - climb).sum():.0f} more in all. The robot pays for those."
+    )
+    home = {kind: taken.mean() for kind, taken in tried.items()}
+    print(
+        f"7 · After ten episodes the robot that learns on takes {home['restored']:.0f} steps, frozen it takes "
+        f"{home['frozen']:.0f}, learning from the initial weights {home['forgetful']:.0f}; the climb "
+        f"{home['climb']:.0f}, random actions {home['random']:.0f}. What it learnt is "
+        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance without the learning."
     )

@@ -17,8 +17,7 @@ from homing_lib.publish import drawing
 from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
-from homing_lib.study import claims
-from homing_lib.study.measures import WINDOW
+from homing_lib.study import findings
 from homing_lib.study.runs import missing
 from homing_lib.study.walk import EPISODES, STEP_SIZES
 from homing_lib.surfaces import Image, paint
@@ -32,14 +31,8 @@ CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "compare.js
 VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
 """What is shown of it, and how it is controlled."""
 
-SHOWN = {"walk": ("C1", "Q30"), "robot": ("C3", "C8", "C9", "Q3", "Q5", "Q20")}
+SHOWN = {"walk": ("C1", "conjugate"), "robot": ("drives", "varying", "worth", "C8", "C9")}
 """The claims and questions that a view is about."""
-
-READING = (
-    "Square brackets hold 95 % intervals. Ratios are of interquartile means and, in round brackets, of means; rules "
-    f"are compared each at its best step size. Late steps: those of the last {WINDOW} episodes."
-)
-"""How the verdicts are read."""
 
 SIDE = 128  # texels along a texture's side, every second one: an average would have no grain
 
@@ -68,7 +61,6 @@ def build() -> str:
         ],
         "stepSizes": STEP_SIZES,
         "firstWalks": EPISODES,
-        "reading": READING,
         "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }
     parts = {
@@ -86,10 +78,9 @@ def build() -> str:
 
 def judged(name: str) -> dict[str, str]:
     """A claim or question with its verdict, as the page says it."""
-    finding = claims.judge(name)
-    by = "The paper says" if name.startswith("C") else "Asked"
-    told = {"claim": f"{by}: {finding.claim}", "verdict": finding.verdict, "effect": finding.effect}
-    return {key: text.replace("*", "") for key, text in told.items()}  # without Markdown's emphasis
+    found = findings.finding(name)
+    by = "The paper says: " if found.question.is_claim else ""
+    return {"claim": f"{by}{found.question.text}", "verdict": found.verdict}
 
 
 def palette() -> str:

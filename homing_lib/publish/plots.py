@@ -2,23 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from math import ceil
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from scipy.stats import spearmanr
 
 from homing_lib.features import Array
 from homing_lib.publish import drawing
+from homing_lib.publish.charts import mark
 from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, LINES, ORANGE, TEXT_WIDTH, styled
-from homing_lib.publish.forests import compared, draw_column
-from homing_lib.rooms import Room
+from homing_lib.study.bootstrap import band
 from homing_lib.study.rules import Rules
-from homing_lib.study.statistics import Interval, band
 from homing_lib.study.theorem import Parting
 
 Tables = Mapping[str, Array]  # by label, shape (runs, episodes)
@@ -62,7 +58,7 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     ends: dict[str, tuple[float, float]] = {}
     least = (np.inf, "", 0.0)
     for (name, table), (colour, dashes) in zip(errors.items(), LINES, strict=False):
-        mean, low, high = band(np.minimum(table, 1e6), np.random.default_rng(0))
+        mean, low, high = band(np.minimum(table, 1e6))
         drawn = mean <= top
         if not drawn.any():
             ends[f"{name}: beyond {top:g}"] = step_sizes[0], top
@@ -113,7 +109,7 @@ def _learning(axes: Axes, tables: Tables, each: int = 1, log: bool = True) -> di
     """Draw mean and interval by episode; returns where each curve ends."""
     ends = {}
     for (name, table), (colour, dashes) in zip(tables.items(), LINES, strict=False):
-        mean, low, high = band(table, np.random.default_rng(0))
+        mean, low, high = band(table)
         episode = each * np.arange(mean.size) + (each + 1) / 2
         axes.fill_between(episode, low, high, color=colour, alpha=0.2, linewidth=0)
         axes.plot(episode, mean, color=colour, linestyle=dashes)
@@ -128,77 +124,21 @@ def _learning(axes: Axes, tables: Tables, each: int = 1, log: bool = True) -> di
 
 @styled
 def rules(found: Rules) -> Figure:
-    """How rules learn, and the late steps of each as a multiple of the first's, marked by the verdict."""
+    """How rules learn, and the total and the late steps of each as a multiple of the first's."""
     (first, steps), *_ = found.steps.items()
-    figure, (learning, against) = plt.subplots(1, 2, width_ratios=[1.4, 1], figsize=(TEXT_WIDTH, 2.5))
+    figure, (learning, against) = plt.subplots(1, 2, width_ratios=[1.4, 1], figsize=(TEXT_WIDTH, 2.6))
     ends = _learning(learning, found.steps)
-    learning.set(title=f"mean of {len(steps)} seeds", ylabel="steps per episode")
+    learning.set(title=f"mean of {len(steps)} robots", ylabel="steps per episode")
     drawing.label_ends(learning, ends)
-    label = f"late steps / those of {first}\n(mark and line: typical; upright bar: mean)"
-    draw_column(against, compared(label, found.verdicts, key=False), list(found.verdicts), narrow=True)
-    against.set_title("left of 1: fewer steps")
-    against.set_yticks(range(len(found.verdicts)), list(found.verdicts))
-    against.set_xlabel(against.get_xlabel(), loc="right")  # a long name reaches left, not over the edge
-    return figure
-
-
-@styled
-def heat_map(rows: Sequence[str], columns: Sequence[str], values: Array, notes: dict[tuple[int, int], str]) -> Figure:
-    """Steps by rule and step size, written into the cells; notes: what stands behind, such as how many diverged."""
-    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.7 + 0.3 * len(rows)))
-    shown = axes.pcolormesh(values, norm=LogNorm(), cmap="cividis_r", edgecolor="white", linewidth=0.8)
-    middle = np.sqrt(values.min() * values.max())
-    best = values.argmin(axis=1)
-    for (row, column), value in np.ndenumerate(values):
-        text = f"{value:.0f}" + (f"  ({notes[row, column]})" if (row, column) in notes else "")
-        colour, weight = "white" if value > middle else INK, "bold" if best[row] == column else "normal"
-        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=7, color=colour, weight=weight)
-    axes.set_yticks(np.arange(len(rows)) + 0.5, rows)
-    axes.set_xticks(np.arange(len(columns)) + 0.5, columns)
-    axes.set(xlabel="initial step size $\\alpha_0$", ylim=(len(rows), 0))
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    axes.set_title("bold: each at its best step size" + ("; in brackets: runs lost" if notes else ""))
-    figure.colorbar(shown, label="steps per episode").ax.yaxis.set_major_formatter("{x:g}")
-    return figure
-
-
-@styled
-def responses(x: Array, panels: Mapping[str, Array], xlabel: str, ylabel: str) -> Figure:
-    """Functions of one number side by side, on the same scale. panels: by title, shape of x; NaN is not drawn."""
-    figure, (grid,) = plt.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 1.6))
-    for axes, (title, values) in zip(grid, panels.items(), strict=True):
-        axes.axvline(0, color=GREY, linewidth=0.6)
-        axes.plot(x, values, color=BLUE)
-        axes.set(title=title, xlim=(x[0], x[-1]))
-    grid[0].set_ylabel(ylabel)
-    figure.supxlabel(xlabel, fontsize=7.5)
-    return figure
-
-
-@styled
-def explained(properties: Mapping[str, Mapping[str, float]], effect: Mapping[str, Interval], label: str) -> Figure:
-    """An effect against each of several properties of the same cases, with the rank correlation of the two.
-
-    properties: by name and case; effect: by case, a ratio, 1 being none.
-    """
-    rows, numbers = ceil(len(properties) / 4), {case: number for number, case in enumerate(effect, 1)}
-    figure, grid = plt.subplots(rows, 4, sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 1.6 * rows + 0.3))
-    for axes, (name, of_case) in zip(grid.flat, properties.items(), strict=False):
-        for case, found in effect.items():
-            axes.vlines(of_case[case], found.low, found.high, color=GREY, linewidth=1.2)
-            disc = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7}
-            at = {"ha": "center", "va": "center", "fontsize": 6}
-            axes.text(of_case[case], found.value, str(numbers[case]), bbox=disc, **at)
-        rho = spearmanr([of_case[case] for case in effect], [found.value for found in effect.values()]).statistic
-        axes.axhline(1, **DASHED, zorder=0)
-        axes.set_title(f"rank correlation {rho:+.2f}".replace("-", "\N{MINUS SIGN}"))
-        axes.set_xlabel(name)
-        axes.margins(x=0.15)
-    plt.setp(grid[:, 0], ylabel=label)
-    for axes in grid.flat[len(properties) :]:
-        axes.set_visible(False)
-    figure.supxlabel("   ".join(f"{number} {case}" for case, number in numbers.items()), fontsize=7.5)
+    labels = list(found.verdicts)
+    for place, label in enumerate(labels):
+        for up, colour, of in ((-0.14, INK, found.verdicts), (0.14, GREY, found.late)):
+            mark(against, of[label], place + up, colour, of[label].word)
+    against.axvline(1, **drawing.DASHED, zorder=0)
+    against.set(xscale="log", ylim=(len(labels) - 0.5, -0.5), title="left of 1: fewer steps")
+    drawing.plain_log(against, "x", narrow=True)
+    against.set_yticks(range(len(labels)), labels)
+    against.set_xlabel(f"steps / those of {first}\n(black: total; grey: last five, typical)", loc="right")
     return figure
 
 
@@ -245,63 +185,4 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     axes.set(xlabel="|NRB of the atlas − NRB of the camera|", xlim=(0, widest))
     axes.set(ylabel="random poses (%)", ylim=(0, 101))
     axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
-    return figure
-
-
-@styled
-def over_room(maps: Mapping[str, tuple[Array, Array, Array]], room: Room | Sequence[Room], label: str) -> Figure:
-    """A number at each place, drawn over the floor plan. maps: by title, x, y (m) and the number, one a place.
-
-    room: of all maps, or one each; a metre is as long in every map.
-    """
-    rooms = [room] * len(maps) if isinstance(room, Room) else room
-    widths, depths = zip(*(plan.size for plan in rooms), strict=True)
-    size = TEXT_WIDTH, 0.45 + max(depths) * (TEXT_WIDTH - 1) / sum(widths)
-    options: dict[str, Any] = {"width_ratios": widths, "squeeze": False, "figsize": size, "layout": "compressed"}
-    figure, (grid,) = plt.subplots(1, len(maps), **options)
-    everything = np.concatenate([values for _, _, values in maps.values()])
-    scale = Normalize(everything.min(), everything.max())
-    for axes, plan, (title, (x, y, values)) in zip(grid, rooms, maps.items(), strict=True):
-        shown = axes.scatter(x, y, c=values, s=95, marker="s", norm=scale, linewidth=0)
-        drawing.draw_floor_plan(axes, plan)
-        axes.set(title=title, ylim=(plan.size[1] - max(depths) - 0.01, plan.size[1] + 0.01))
-    figure.colorbar(shown, ax=grid, label=label)
-    return figure
-
-
-@styled
-def similarity_by_light(light: Array, similarity: Array, psi_upper: float) -> Figure:
-    """NRB of home under other light than that of the snapshot, shape (lights,) each, and where it still passes."""
-    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 2.2))
-    axes.fill_between(light, 0, 1, where=similarity >= psi_upper, transform=axes.get_xaxis_transform(), color="0.92")
-    axes.plot(light, similarity, color=BLUE)
-    drawing.level(axes, psi_upper, "$\\psi_{upper}$")
-    axes.annotate("passes", (1, 0.05), xycoords=axes.get_xaxis_transform(), ha="center")
-    axes.set(xlabel="brightness, as a share of that of the snapshot", ylabel="NRB of home", xlim=(light[0], light[-1]))
-    passing = light[similarity >= psi_upper]
-    if passing.size:
-        axes.set_title(f"Home passes for home from {passing.min():.2f} to {passing.max():.2f} of its brightness")
-    return figure
-
-
-@styled
-def stops_by_heading(panels: Mapping[str, Mapping[str, tuple[Array, Array]]], alarms: Mapping[str, float]) -> Figure:
-    """How many views that are not home's look more like it than home does, turned: by title and rule.
-
-    panels: the turn (degrees) and the share of those views (%). Below alarms, the share (%) that each rule lets pass,
-    it stops the robot.
-    """
-    figure, (grid,) = plt.subplots(1, len(panels), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.7))
-    least = min(alarms.values()) / 20
-    for axes, (title, rules) in zip(grid, panels.items(), strict=True):
-        ends = {}
-        for (name, (turned, shares)), (colour, dashes) in zip(rules.items(), LINES, strict=False):
-            drawn = np.maximum(shares, least)
-            axes.plot(turned, drawn, color=colour, linestyle=dashes)
-            ends[name] = float(turned[-1]), float(drawn[-1])
-        axes.set(title=title, xlabel="turned from home's heading (degrees)", yscale="log", ylim=(least, 130))
-        axes.set(xlim=(turned[0], turned[-1]), xticks=range(-90, 91, 45))
-        drawing.level(axes, alarms[title], "stops below")
-    drawing.label_ends(grid[-1], ends)
-    grid[0].set_ylabel("other views that look more like home (%)")
     return figure

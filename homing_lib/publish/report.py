@@ -5,24 +5,21 @@ import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from functools import cache
-from typing import get_args
 
 import numpy as np
-from tqdm import tqdm
 
 from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
-from homing_lib.publish import answers
+from homing_lib.publish import prose
 from homing_lib.publish.tex import escaped, row, tex
 from homing_lib.robot import wrapped
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
-from homing_lib.study import claims, errata, opponents, runs, studies
-from homing_lib.study.measures import TRIAL_STEPS, WINDOW
-from homing_lib.study.probes import CLIMBING
-from homing_lib.study.runs import by_episode, load_table
-from homing_lib.study.statistics import MARGIN, interval, ratio
+from homing_lib.study import errata, findings, runs, studies
+from homing_lib.study.bootstrap import estimated, ratio
+from homing_lib.study.measures import WINDOW
+from homing_lib.study.runs import by_episode
 from homing_lib.thresholds import stopping_thresholds
 
 WELL_BELOW = 0.75
@@ -40,17 +37,16 @@ class Headline:
     """
 
     def __init__(self, learnt: Sequence[Run], random: Sequence[Run]) -> None:
-        rng = np.random.default_rng(0)
         self.learnt, self.settings = learnt, learnt[0].settings
         self.window = window = min(WINDOW, self.settings.episodes // 2)
         self.steps = by_episode(learnt)
         self.chance_steps = by_episode(random).mean(axis=1)
         self.last_steps = self.steps[:, -window:].mean(axis=1)
         first_steps = self.steps[:, :window].mean(axis=1)
-        self.first, self.last = interval(first_steps, rng), interval(self.last_steps, rng)
-        self.random = interval(self.chance_steps, rng)
-        self.of_first = ratio(self.last_steps, first_steps, rng)
-        self.of_random = ratio(self.last_steps, self.chance_steps, rng)
+        self.first, self.last = estimated(first_steps), estimated(self.last_steps)
+        self.random = estimated(self.chance_steps)
+        self.of_first = ratio(self.last_steps, first_steps)
+        self.of_random = ratio(self.last_steps, self.chance_steps)
         (self.reached, self.total), (self.random_reached, self.random_total) = _successes(learnt), _successes(random)
         self.diverged = sum(run.diverged > 0 for run in learnt)
         changes, rates = by_episode(learnt, "change"), self.settings.step_size_rates
@@ -95,34 +91,22 @@ def in_numbers(h: Headline) -> list[str]:
     ]
 
 
-def result() -> list[str]:
-    """Three sentences: does it learn, does a varying lambda matter and by what, is it worth it."""
-    return [conclusion(stored_headline()), answers.varying_lambda(), answers.worth()]
-
-
 def summary() -> str:
-    """What `make` prints when all is done: the result, the headline, and every verdict."""
+    """What `make` prints when all is done: the headline, and every verdict."""
     h = stored_headline()
-    lines = [
-        *result(),
-        *in_numbers(h),
-    ]
+    lines = [conclusion(h), *in_numbers(h)]
     if VERIFIED.exists():
         lines.append(VERIFIED.read_text(encoding="utf-8").strip())
-    lines.append("The paper's claims, and what was asked beyond them (`homing claims` says by how much):")
-    lines += [f"{one.name:<4}{one.verdict:<19}{one.claim.replace('*', '')}" for one in _findings()]
+    lines.append("What was asked, and what the paper claims (`homing claims NAME` has the numbers and the predicate):")
+    for one in findings.stored().values():
+        lines.append(f"{one.name:<10}{one.verdict:<52}{one.question.text}")
     return "\n".join(lines)
 
 
-def _findings(kind: str = "CQ") -> list[claims.Finding]:
-    """All claims (C) and questions (Q) as judged; the first time in a process, that takes most of a minute."""
-    names = tqdm(claims.names(kind), "verdicts", unit="verdict", delay=1, leave=False)
-    return [claims.judge(name) for name in names]
-
-
-def judged() -> str:
-    """How it is judged, then every claim and question: verdict, effect and predicate, as plain text."""
-    return _paragraphs([claims.HOW, *_findings()])
+def judged(names: Sequence[str] = ()) -> str:
+    """Questions and claims, by their names or all: verdict, predicate and every number, as plain text."""
+    found = [findings.finding(name) for name in names or findings.stored()]
+    return _paragraphs([findings.HOW]) + "\n\n" + "\n\n".join(map(findings.told, found))
 
 
 def misprints() -> str:
@@ -139,19 +123,6 @@ def _paragraphs(of: Iterable[object]) -> str:
     )
 
 
-def verdicts() -> str:
-    """Which claims got which verdict: "reproduced C3, C10; ..."."""
-    found = {one.name: one.verdict for one in _findings("C")}
-    numbers = {verdict: [name for name in found if found[name] == verdict] for verdict in get_args(claims.Verdict)}
-    return "; ".join(f"{verdict} {', '.join(names)}" for verdict, names in numbers.items() if names)
-
-
-def counted() -> str:
-    """How many claims got which verdict: "3 reproduced, 11 partly reproduced, ..."."""
-    found = [one.verdict for one in _findings("C")]
-    return ", ".join(f"{found.count(one)} {one}" for one in get_args(claims.Verdict) if one in found)
-
-
 # --- LaTeX --------------------------------------------------------------------------------------------------------
 
 
@@ -159,71 +130,32 @@ def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report and the lectures, and the bodies of the tables."""
     table_one, others = _tables_of_settings()
     macros = numbers(stored_headline()) | {
-        "lambdaAnswer": tex(answers.varying_lambda()),
-        "worthAnswer": tex(answers.worth()),
-        "lambdaWords": tex(answers.varying_lambda(numbers=False)),
-        "worthWords": tex(answers.worth(numbers=False)),
-        "signElsewhere": tex(answers.sign_elsewhere()),
-        "verdicts": tex(verdicts()),
-        "verdictsCounted": tex(counted()),
-        "comparableMargin": f"{MARGIN:g}",
-        "judgedRuns": f"{len(studies.FRESH)}",
-        "judgedFrom": f"{studies.FRESH[0]}",
-        "seenFrom": f"{studies.JUDGED[0]}",
-        "climbShare": tex(f"{CLIMBING:.0%}"),
-        "wayChosen": tex(opponents.CHOSEN),
-        "trialSteps": f"{TRIAL_STEPS}",
-        **{f"answer{name}": tex(claims.judge(question).verdict) for name, question in _ANSWERS.items()},
-        "ratioFixed": f"{answers.against_the_best_fixed().typical:.2f}",
-        "ratioClimbUsual": f"{answers.against_the_climb(load_table(opponents.OPPONENTS), usual=True).typical:.2f}",
-        **{f"found{name}": tex(answers.FOUND[of][claims.judge(of).verdict]) for name, of in _FOUND.items()},
-        "tableOpponents": "\n".join(row(*cells) for cells in answers.beside_the_headline()),
-        "tableClaims": _verdicts_of("C"),
-        "tableQuestions": _verdicts_of("Q"),
+        "tableClaims": _verdicts(claims=True),
+        "tableQuestions": _verdicts(claims=False),
         "tableErrata": "\n".join(map(_erratum, errata.ERRATA)),
         "tableOne": "\n".join(table_one),
         "tableSettings": "\n".join(others),
     }
-    return "\n".join(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items())
+    found = prose.macros({path.name: path.read_text(encoding="utf-8") for path in prose.LATEX})
+    return "\n".join(
+        [
+            *(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items()),
+            *(f"\\expandafter\\def\\csname num:{name}\\endcsname{{{value}}}" for name, value in found.items()),
+            *(
+                f"\\expandafter\\def\\csname found:{one.name}\\endcsname{{{tex(one.verdict)}}}"
+                for one in findings.stored().values()
+            ),
+        ]
+    )
 
 
-_ANSWERS = {
-    "Equivalence": "C1",
-    "Timing": "Q1",
-    "Size": "Q2",
-    "Sign": "Q3",
-    "Best": "Q4",
-    "Standard": "Q6",
-    "Rooms": "Q7",
-    "Decides": "Q8",
-    "Usual": "Q20",
-    "Everywhere": "Q21",
-    "Walk": "Q30",
-}
-"""The claims and questions whose verdicts the lectures cite, by the end of the macro's name."""
-
-_FOUND = {
-    "Fast": "Q5",
-    "Standard": "Q6",
-    "Decides": "Q8",
-    "Camera": "Q9",
-    "Reward": "Q10",
-    "Initial": "Q11",
-    "Band": "Q12",
-    "Home": "Q13",
-    "Letter": "Q14",
-    "Anywhere": "Q23",
-    "Learning": "Q24",
-    "Behind": "Q25",
-    "Walls": "Q26",
-    "Walk": "Q30",
-}
-"""The questions of whose answers the text tells, by the end of the macro's name."""
-
-
-def _verdicts_of(kind: str) -> str:
-    """Rows: name, claim or question, verdict, effect."""
-    return "\n".join(row(one.name, one.claim.replace("*", ""), one.verdict, one.effect) for one in _findings(kind))
+def _verdicts(*, claims: bool) -> str:
+    """Rows of questions or claims: name, text, verdict."""
+    return "\n".join(
+        row(one.name, one.question.text, one.verdict)
+        for one in findings.stored().values()
+        if one.question.is_claim == claims
+    )
 
 
 def _erratum(of: errata.Erratum) -> str:

@@ -23,12 +23,12 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish import figures, forests, plots, report, widgets
+from homing_lib.publish import charts, figures, plots, widgets
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
 from homing_lib.publish.page import PAGE, palette
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
-from homing_lib.study import claims, errata
+from homing_lib.study import errata, findings
 from homing_lib.study.runs import missing
 
 SITE = ROOT / ".build" / "site"
@@ -67,7 +67,7 @@ def build() -> dict[str, bytes]:
     chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
     pages = {
         "index.html": home(chain),
-        "claims.html": f"# Claims and questions\n\n{claims.table(claims.names())}",
+        "claims.html": f"# Questions and claims\n\n{findings.HOW}\n\n{findings.table(findings.stored())}",
         "errata.html": f"# Slips of the printed paper\n\n{errata.table(errata.ERRATA)}",
         "model.html": model(),
     }
@@ -161,7 +161,7 @@ def describe(notebook: Notebook) -> None:
 @cache
 def drawings() -> dict[str, str]:
     """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
-    functions = [vars(module) for module in (figures, plots, forests, widgets)]
+    functions = [vars(module) for module in (figures, plots, charts, widgets)]
     return {
         name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
         for name, function in ChainMap(*functions).items()
@@ -173,14 +173,10 @@ def drawings() -> dict[str, str]:
 
 
 def home(chain: list[tuple[str, str]]) -> str:
-    """Its text, with the result as it was computed, the caveats of README, and the notebooks."""
-    caveats = re.search(r"^Read it with three grains of salt.*?\n\n", text(ROOT / "README.md"), re.M | re.S)
-    assert caveats
-    parts = {
-        "RESULT": "\n\n".join(f"> {sentence}\n>" for sentence in report.result()),
-        "CAVEATS": caveats[0],
-        "NOTEBOOKS": "\n".join(f"- [{name}]({address})" for address, name in chain),
-    }
+    """Its text, with the result as README tells it, and the notebooks."""
+    result = re.search(r"<!-- result -->\n(.*?)<!-- /result -->", text(ROOT / "README.md"), re.S)
+    assert result
+    parts = {"RESULT": result[1], "NOTEBOOKS": "\n".join(f"- [{name}]({address})" for address, name in chain)}
     page = text(TEMPLATE / "home.md")
     for mark, filled in parts.items():
         page = page.replace(f"\n{mark}\n", f"\n{filled}\n")

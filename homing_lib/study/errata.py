@@ -1,7 +1,7 @@
 """What is wrong in the printed paper, or left open: where, what, how it is read here, and what proves it.
 
 A proof is a name that resolves (`resolves`): a test, a study, or a derivation, which is then written out. Where a
-reading was run, its effect is computed from the stored tables. Altahhan (2014); numbers of sections, equations and
+reading was run, its effect is among the findings. Altahhan (2014); numbers of sections, equations and
 figures are the paper's.
 """
 
@@ -9,22 +9,13 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from homing_lib.storage import ROOT
-from homing_lib.study import claims, judges, studies
-from homing_lib.study.runs import Study, load_table
-from homing_lib.study.statistics import knife_edge
-
-
-class Seen(NamedTuple):
-    """A condition of a study whose late steps show what a reading does, as a multiple of another condition's."""
-
-    study: Study
-    condition: str
-    against: str = "default"
+from homing_lib.study import findings, studies
 
 
 class Erratum(NamedTuple):
     """where and printed: what the paper has; wrong: why that cannot stand, or what it leaves open; reading: what is
-    done here. proofs: "tests/test_x.py::test_y", "study NAME", or "derivation: ..." with the argument itself.
+    done here. proofs: "tests/test_x.py::test_y", "study NAME", or "derivation: ..." with the argument itself. seen:
+    comparisons of the findings that show what a reading does, by their names: "printed.E3 form 1.of ours.total".
     """
 
     name: str
@@ -33,7 +24,7 @@ class Erratum(NamedTuple):
     wrong: str
     reading: str
     proofs: tuple[str, ...]
-    seen: tuple[Seen, ...] = ()
+    seen: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return (
@@ -43,12 +34,14 @@ class Erratum(NamedTuple):
 
 
 def effect(of: Erratum) -> str:
-    """What the readings that were run do to the steps of the last episodes, in words; nothing if none was."""
+    """What the readings that were run do to the total steps, in words; nothing if none was."""
     told = []
-    for study, condition, against in of.seen:
-        ratio = claims.of_steps(load_table(study), condition, against, family=FAMILY)
-        told.append(f"{condition.removeprefix(f'{of.name} ')}, {ratio:.2f}{knife_edge(*ratio)}: {ratio.word}")
-    return f"Late steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
+    for name in of.seen:
+        question, _, comparison = name.partition(".")
+        one = findings.finding(question)[comparison]
+        label = comparison.removesuffix(".of ours.total").removeprefix(f"{of.name} ")
+        told.append(f"{label}, {one:.2f}: {one.word}")
+    return f"Total steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
 
 def resolves(proof: str) -> bool:
@@ -85,8 +78,8 @@ def _sentence(proof: str) -> str:
     return f"{test.replace('_', ' ')} ({path})" if test else proof
 
 
-def _printed(*conditions: str) -> tuple[Seen, ...]:
-    return tuple(Seen(studies.PRINTED, condition) for condition in conditions)
+def _printed(*conditions: str) -> tuple[str, ...]:
+    return tuple(f"printed.{condition}.of ours.total" for condition in conditions)
 
 
 def _test(module: str) -> Callable[[str], str]:
@@ -128,8 +121,8 @@ ERRATA = (
         "1.25e-2 in Table I, 1.25e-3 in IV.A, and a formula for both",
         "The formula gives a third value, 1.25e-4; they are a factor of 100 apart",
         "1.25e-3, which calibration picked too; all three are run",
-        (_errata("the_formula_for_alpha_0_gives_neither_of_the_values_beside_it"), "study printed", "study lambda-map"),
-        _printed("E4 alpha_0 of the table", "E4 alpha_0 of the formula"),
+        (_errata("the_formula_for_alpha_0_gives_neither_of_the_values_beside_it"), "study printed"),
+        _printed("all but step size of the text", "E4 alpha_0 of the formula"),
     ),
     Erratum(
         "E5",
@@ -154,8 +147,11 @@ ERRATA = (
         "three (m = 1) snapshots, three views",
         "One, by Table I, the abstract and section III; three are the earlier model's",
         "m = 1; m = 3 is an option, and run",
-        ("derivation: eq. (14) gives 258 features only for m = 1 and b = 3; m = 3 would give 774", "study snapshots"),
-        (Seen(studies.PARTS, "three snapshots"),),
+        (
+            "derivation: eq. (14) gives 258 features only for m = 1 and b = 3; m = 3 would give 774",
+            "study claims-parts",
+        ),
+        ("C14.three snapshots",),
     ),
     Erratum(
         "E8",
@@ -172,7 +168,7 @@ ERRATA = (
         "The factor is negative; and a variance is taken about the mean, which makes another home",
         "1/(T - 1), about the mean, one for all bins; all four readings are run",
         (_features("the_four_readings_of_sigma_squared_are_those_worked_by_hand"), "study printed"),
-        _printed("E9 sigma^2 about zero", "E9 sigma^2 per bin", "E9 sigma^2 per bin, about zero"),
+        _printed("all but variance about the mean", "E9 sigma^2 per bin", "E9 sigma^2 per bin, about zero"),
     ),
     Erratum(
         "E10",
@@ -197,7 +193,7 @@ ERRATA = (
         "The two norms in form 2 are then the same, and it is the ratio of the errors alone",
         "phi_(t-1) is kept first",
         (_agent("with_features_overwritten_form_2_is_the_ratio_of_the_td_errors_in_a_whole_run"),),
-        _printed("E12 features overwritten"),
+        _printed("all but features kept"),
     ),
     Erratum(
         "E13",
@@ -214,8 +210,7 @@ ERRATA = (
         "the caption speaks of form 1",
         "Fig. 2 and Table I have form 2; which one made the curves cannot be told",
         "form 2; all three forms are run",
-        ("study lambda-map", _errata("the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs")),
-        (Seen(studies.LAMBDA_MAP, "form 1 @ 0.00125", "form 2 @ 0.00125"),),
+        ("study varying", _errata("the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs")),
     ),
     Erratum(
         "E15",
@@ -253,7 +248,7 @@ ERRATA = (
             ),
             _policy("at_tau_a_thirtieth_epsilon_has_no_effect_on_the_printed_policy"),
         ),
-        _printed("E18 mixture as printed, tau 1", "E18 mixture as printed, tau .03", "E18 mixture normalised, tau .03"),
+        _printed("all but epsilon-greedy alone", "E18 mixture as printed, tau .03", "E18 mixture normalised, tau .03"),
     ),
     Erratum(
         "E19",
@@ -281,8 +276,8 @@ ERRATA = (
         "eq. (16)",
         "2 NRB_t - NRB_(t-1) in every step that stays in the band between the thresholds",
         "With gamma = 1 it pays .9 a step to loiter before home and never to arrive",
-        "as printed; whether the robot takes the offer is counted",
-        (_errata("a_robot_that_loiters_in_the_band_earns_without_end"), "study band"),
+        "as printed",
+        (_errata("a_robot_that_loiters_in_the_band_earns_without_end"),),
     ),
     Erratum(
         "E22",
@@ -291,7 +286,7 @@ ERRATA = (
         "The sum grows like ln T, without bound but slowly: an episode of 2000 steps costs less than twice one of 40",
         "as printed; a constant cost is an option, and run",
         (_errata("fifty_times_the_steps_cost_less_than_twice_as_much"),),
-        (Seen(judges.AGAIN, "constant cost", "form 2"),),
+        ("C16.constant cost",),
     ),
     Erratum(
         "E23",
@@ -301,7 +296,7 @@ ERRATA = (
         "reset, and how often is reported",
         (
             _test("td")("conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is_reported"),
-            "study equivalence",
+            "study conjugate",
         ),
     ),
     Erratum(
@@ -344,7 +339,6 @@ ERRATA = (
         "delta_(t-1), phi_(t-1) and the trace are then those of a step long past when it goes on",
         "as an option, without a remedy",
         (_errata("without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_after_it"),),
-        (Seen(judges.AGAIN, "no learning at walls", "form 2"),),
     ),
     Erratum(
         "E28",
@@ -367,6 +361,3 @@ ERRATA = (
     ),
 )
 """E1 to E24 are the slips and gaps that a reader meets who rebuilds the model; those from E25 on were found since."""
-
-FAMILY = sum(len(one.seen) for one in ERRATA)
-"""As many comparisons of readings with ours are one family."""

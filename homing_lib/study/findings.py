@@ -9,6 +9,7 @@ import hashlib
 import json
 import pkgutil
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -99,6 +100,11 @@ class Question(NamedTuple):
     judge: Callable[..., Judged]
 
     @property
+    def is_claim(self) -> bool:
+        """Whether the paper says so, rather than that we ask."""
+        return self.name[0] == "C" and self.name[1:].isdecimal()
+
+    @property
     def tables(self) -> list[Study]:
         """The studies that its judge takes the tables of."""
         return [one if isinstance(one, Study) else one() for one in self.studies]
@@ -123,20 +129,21 @@ def questions() -> dict[str, Question]:
     """All questions, in the order of the article, then the claims by number, in whichever file they stand."""
     for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
         import_module(f"homing_lib.study.questions.{module.name}")
-    return {name: _QUESTIONS[name] for name in sorted(_QUESTIONS, key=_place)}
+    return {name: one for name, one in sorted(_QUESTIONS.items(), key=lambda item: _place(item[1]))}
 
 
 ORDER = ("printed", "learns", "home", "drives", "conjugate", "varying", "rooms", "worth")
 """Of the sections of the article; what is not in it comes after, by name."""
 
 
-def _place(name: str) -> tuple[bool, int, str]:
-    if name[0] == "C" and name[1:].isdecimal():
-        return True, int(name[1:]), ""
-    return False, ORDER.index(name) if name in ORDER else len(ORDER), name
+def _place(one: Question) -> tuple[bool, int, str]:
+    if one.is_claim:
+        return True, int(one.name[1:]), ""
+    return False, ORDER.index(one.name) if one.name in ORDER else len(ORDER), one.name
 
 
-class Finding(NamedTuple):
+@dataclass(frozen=True)
+class Finding:
     """What was found. str() is a paragraph in Markdown, and one of the predicate."""
 
     name: str
@@ -148,10 +155,10 @@ class Finding(NamedTuple):
         """What it answers."""
         return questions()[self.name]
 
-    def __getitem__(self, name: Any) -> Any:
+    def __getitem__(self, name: str) -> Comparison:
         """A comparison, by its name."""
         if name not in self.comparisons:
-            raise KeyError(f"{self.name}: no comparison {name!r}{nearest(str(name), self.comparisons)}")
+            raise KeyError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
         return self.comparisons[name]
 
     def below(self, prefix: str) -> dict[str, Comparison]:
@@ -162,6 +169,22 @@ class Finding(NamedTuple):
         asked = self.question
         rows = [f"**{asked.text}** **{self.verdict}**", "", f"> *Predicate*: {asked.predicate}"]
         return "\n".join(rows)
+
+
+def table(which: Iterable[str]) -> str:
+    """Verdicts as a table in Markdown, by the names of questions and claims."""
+    rows = [f"| {one.name} | {one.question.text} | **{one.verdict}** |" for one in map(finding, which)]
+    return "\n".join(["| | | |", "|---|---|---|", *rows])
+
+
+def told(found: Finding) -> str:
+    """A finding as plain text: verdict, predicate, and every comparison with its word; those it rests on are
+    starred."""
+    asked, rows = found.question, []
+    for name, one in found.comparisons.items():
+        digits = ".0f" if abs(one.value) >= 20 else ".2f"
+        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.word}".rstrip())
+    return "\n".join([f"{found.name}: {asked.text} {found.verdict}", f"  Predicate: {asked.predicate}", *rows])
 
 
 def judge(name: str) -> Finding:

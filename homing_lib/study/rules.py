@@ -1,10 +1,10 @@
 """Lambda rules side by side on the robot: the same seeds, the same settings, and a verdict with its interval.
 
 A lesson's tool, quick on the compact atlas. All rules share one step size; which step size suits which rule is a
-question for a study (`lambda-map`).
+question for a study (`varying`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,11 +17,12 @@ from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import LambdaRule, checked
 from homing_lib.settings import Settings
-from homing_lib.study import claims
+from homing_lib.study import findings
+from homing_lib.study.bootstrap import Statistic, iqm, mean
 from homing_lib.study.engine import run, side_by_side
+from homing_lib.study.findings import Comparison
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import by_episode, seeds_of
-from homing_lib.study.statistics import iqm
 
 
 class ResampledLambda:
@@ -50,11 +51,18 @@ class Rules:
     steps: Mapping[str, Array]
 
     @cached_property
-    def verdicts(self) -> dict[str, claims.Comparison]:
-        """Steps of the last episodes as a multiple of the first rule's, seed by seed; its `.word` is the verdict."""
-        late = {label: steps[:, -WINDOW:].mean(axis=1) for label, steps in self.steps.items()}
-        first, *others = late
-        return {label: claims.compare(late[label], late[first]) for label in others}
+    def verdicts(self) -> dict[str, Comparison]:
+        """Total steps as a multiple of the first rule's, seed by seed; its `.word` is the verdict."""
+        return self._against_first(lambda steps: steps.sum(axis=1), mean)
+
+    @cached_property
+    def late(self) -> dict[str, Comparison]:
+        """The same of the last episodes, for the typical robot."""
+        return self._against_first(lambda steps: steps[:, -WINDOW:].mean(axis=1), iqm)
+
+    def _against_first(self, of: Callable[[Array], Array], statistic: Statistic) -> dict[str, Comparison]:
+        first, *others = self.steps
+        return {label: findings.steps(of(self.steps[label]), of(self.steps[first]), statistic) for label in others}
 
     def of_first(self, count: int) -> "Rules":
         """What the first few seeds alone would say."""
@@ -63,14 +71,16 @@ class Rules:
     def __str__(self) -> str:
         first, *_ = self.steps
         rows = [
-            f"| rule | steps of the last {WINDOW} episodes: mean | typical (IQM) "
-            f"| as a multiple of {first}: mean | typical (IQM) | verdict |",
-            "|---|---|---|---|---|---|",
+            f"| rule | total steps, mean | as a multiple of {first} | verdict | last {WINDOW} episodes, typical (IQM) "
+            f"| as a multiple of {first} | verdict |",
+            "|---|---|---|---|---|---|---|",
         ]
         for label, steps in self.steps.items():
-            late, against = steps[:, -WINDOW:].mean(axis=1), self.verdicts.get(label)
-            ratios = f"{against.mean:.2f} | {against.typical:.2f} | {against.word}" if against else "1 | 1 |"
-            rows.append(f"| {label} | {late.mean():.1f} | {iqm(late):.1f} | {ratios} |")
+            told = [
+                f"{one[label]:.2f} | {one[label].word}" if label in one else "1 |" for one in (self.verdicts, self.late)
+            ]
+            typical = float(iqm(steps[:, -WINDOW:].mean(axis=1))[0])
+            rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {told[0]} | {typical:.1f} | {told[1]} |")
         return "\n".join(rows)
 
 

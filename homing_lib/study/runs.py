@@ -128,11 +128,15 @@ class Study:
         return len(self.seeds) * len(set(self.conditions.values()))
 
     def definition(self) -> dict[str, Any]:
-        """What fixes the numbers of this study, as its manifest keeps it."""
+        """What fixes the numbers of this study, for its manifest: of settings a hash, and what is not default."""
+        seeds = [int(seed) for seed in self.seeds]
         return {
-            "seeds": [int(seed) for seed in self.seeds],
+            "seeds": f"{seeds[0]}-{seeds[-1]}" if seeds == [*range(seeds[0], seeds[-1] + 1)] else seeds,
             "measure": self.measured,
-            "conditions": {label: settings.model_dump() for label, settings in self.conditions.items()},
+            "conditions": {
+                label: {"digest": settings.digest} | settings.model_dump(exclude_defaults=True)
+                for label, settings in self.conditions.items()
+            },
         }
 
 
@@ -510,20 +514,22 @@ def load_table(study: Study) -> pd.DataFrame:
 
 def _write_table(study: Study, held: _Held) -> list[dict[str, str]]:
     """Join the runs into one table, 32-bit numbers. Returns what made each run."""
-    parts, origins = [], []
-    for label, settings in study.conditions.items():
-        for seed in study.seeds:
-            columns, origin = held[settings, seed]
-            origins.append(origin)
-            with np.errstate(over="ignore"):  # the last numbers of a run that diverged become infinite
-                narrow = {name: values.astype(np.float32) for name, values in columns.items()}
-            parts.append(pd.DataFrame({"condition": label, "seed": np.int32(seed), **narrow}))
-    frame = pd.concat(parts, ignore_index=True).astype({"condition": "category"})
+    labels, seeds = zip(*[(label, seed) for label in study.conditions for seed in study.seeds], strict=True)
+    found, origins = zip(
+        *[held[study.conditions[label], seed] for label, seed in zip(labels, seeds, strict=True)], strict=True
+    )
+    rows = [len(next(iter(columns.values()))) for columns in found]
+    condition = pd.Categorical(np.repeat(np.array(labels, dtype=object), rows))
+    table: dict[str, Any] = {"condition": condition, "seed": np.repeat(np.array(seeds, dtype=np.int32), rows)}
+    with np.errstate(over="ignore"):  # the last numbers of a run that diverged become infinite
+        for name in found[0]:
+            table[name] = np.concatenate([columns[name] for columns in found]).astype(np.float32)
+    frame = pd.DataFrame(table)
     buffer = io.BytesIO()
     frame.to_parquet(buffer, index=False, compression="zstd", compression_level=9)
     _manifest(study).unlink(missing_ok=True)  # whoever is killed here leaves a table without one, to be joined again
     write_bytes(study.table, buffer.getvalue())
-    return origins
+    return list(origins)
 
 
 def _manifest(study: Study) -> Path:

@@ -15,7 +15,8 @@ import numpy as np
 from homing_lib.features import Array
 from homing_lib.lambdas import Choice, LambdaRule, checked, name_of, parse
 from homing_lib.sarsa import Diverged, silent
-from homing_lib.study import claims
+from homing_lib.study import findings
+from homing_lib.study.findings import Comparison
 from homing_lib.study.runs import seeds_of
 from homing_lib.td import LinearTD
 
@@ -78,10 +79,10 @@ class Race:
     errors: Mapping[str, Array]
 
     @property
-    def verdicts(self) -> dict[str, claims.Comparison]:
-        """Errors as a multiple of the first rule's, walk by walk; `.word` is the verdict."""
+    def verdicts(self) -> dict[str, Comparison]:
+        """Errors as a multiple of the first rule's, walk by walk; `.word` is the verdict, in which fewer is less."""
         first, *others = self.errors
-        return {label: claims.compare(self.errors[label], self.errors[first]) for label in others}
+        return {label: findings.steps(self.errors[label], self.errors[first]) for label in others}
 
     def __str__(self) -> str:
         return self.table({})

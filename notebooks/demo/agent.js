@@ -32,12 +32,14 @@ class SarsaAgent {
   }
 
   learn(phi, action, reward, phiNext, nextAction, terminal, atWall) {
-    if (atWall && !this.settings.learn_at_walls) return { delta: 0, lambda: 0, clipped: false, change: 0 };
+    if (atWall && !this.settings.learn_at_walls) return NOTHING_LEARNT;
     const delta = this.learner.learn(phi, action, reward, phiNext, nextAction, terminal);
     const { lambda, clipped, change } = this.learner;
     return { delta, lambda, clipped, change };
   }
 }
+
+const NOTHING_LEARNT = { delta: 0, lambda: 0, clipped: false, change: 0 };
 
 class RandomAgent {
   constructor(settings, nFeatures, rng) {
@@ -51,7 +53,7 @@ class RandomAgent {
   }
 
   learn() {
-    return { delta: 0, lambda: 0, clipped: false, change: 0 };
+    return NOTHING_LEARNT;
   }
 }
 
@@ -81,20 +83,28 @@ class Experiment {
     this.env = new HomingEnv(world, settings, surveySeed, worldSeed.generateState(1)[0], model);
     this.agent = new CONTROLLERS[settings.controller](settings, world.bins, new Generator(agentSeed), ownRule);
     this.episodes = [];
+    this.learnt = 0; // episodes in which it learnt; step size and exploration go by them
+    this.frozen = false;
     this.diverged = 0;
     this.underWay = false;
+  }
+
+  // Frozen, it drives with the weights that it has, as FrozenAgent does; it learns again with no trace, as in a new episode.
+  freeze(frozen) {
+    if (this.frozen && !frozen) this.agent.learner.beginEpisode();
+    this.frozen = frozen;
   }
 
   get done() {
     return !this.underWay && (this.diverged > 0 || this.episodes.length >= this.total);
   }
 
-  begin() {
-    this.agent.beginEpisode(this.episodes.length + 1);
-    this.phi = this.env.reset();
+  begin(start = this.env.start) {
+    this.agent.beginEpisode(this.learnt + 1);
+    this.phi = this.env.reset(start);
     this.action = this.agent.choose(this.phi);
     this.steps = [];
-    this.from = this.env.start;
+    this.from = start;
     this.underWay = true;
   }
 
@@ -107,7 +117,7 @@ class Experiment {
     const nextAction = robot.reflex ?? this.agent.choose(seen.phi);
     let learnt;
     try {
-      learnt = this.agent.learn(
+      learnt = this.frozen ? NOTHING_LEARNT : this.agent.learn(
         this.phi, seen.action, seen.reward, seen.phi, nextAction, seen.terminated, seen.atWall,
       );
     } catch (error) {
@@ -117,10 +127,12 @@ class Experiment {
       return null;
     }
     const { action, reward, similarity, atWall } = seen;
-    const happened = { ...robot.pose, action, reward, similarity, ...learnt, atWall };
+    const happened = { ...robot.pose, action, reward, similarity, ...learnt, atWall, frozen: this.frozen };
     this.steps.push(happened);
     if (seen.terminated || seen.truncated) {
-      this.episodes.push({ steps: this.steps, reached: seen.terminated, from: this.from });
+      const frozen = sum(this.steps.map((step) => +step.frozen)) / this.steps.length; // share of its steps
+      this.episodes.push({ steps: this.steps, reached: seen.terminated, from: this.from, frozen });
+      this.learnt += frozen < 1;
       this.underWay = false;
     }
     this.phi = seen.phi;

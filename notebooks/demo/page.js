@@ -241,6 +241,7 @@ function setUpControls() {
     Object.assign(state, { start: "", seeds: 0 });
     robotView.change();
   }));
+  at("frozen").addEventListener("change", () => robotView.freeze());
   press("robot-kidnap", paused(() => robotView.kidnap()));
   press("walk-again", paused(() => walkView.restart()));
   press("robot-again", paused(() => robotView.restart()));
@@ -273,17 +274,14 @@ function paintTheme(name) {
 function showClaims() {
   for (const [name, findings] of Object.entries(DATA.claims)) {
     const list = document.createElement("dl");
-    for (const { claim, verdict, effect } of findings) {
+    for (const { claim, verdict } of findings) {
       const item = document.createElement("div");
-      const term = Object.assign(document.createElement("dt"), { textContent: claim });
-      const judged = document.createElement("dd");
-      judged.append(Object.assign(document.createElement("b"), { textContent: `${verdict}. ` }), effect);
-      item.append(term, judged);
+      const said = `${verdict[0].toUpperCase()}${verdict.slice(1)}.`;
+      item.append(Object.assign(document.createElement("dt"), { textContent: claim }), Object.assign(document.createElement("dd"), { textContent: said }));
       list.append(item);
     }
     const head = Object.assign(document.createElement("h2"), { textContent: "What this view is about, and what the stored runs say" });
-    const how = Object.assign(document.createElement("p"), { className: "hint", textContent: DATA.reading });
-    at(`${name}-claims`).append(head, how, list);
+    at(`${name}-claims`).append(head, list);
   }
 }
 

@@ -12,7 +12,9 @@ const robotView = {
   stats: new Map(), // interquartile means
   lengths: new Map(), // of the episodes of whole runs, by rule, seed and all that they depend on
   hand: null, // a pose that is being dragged
+  handsStart: false, // whether that is the start's, not the robot's
   kidnaps: [],
+  switched: [], // steps at which it was frozen or learnt on
 
   settings(changes = {}) {
     return {
@@ -43,6 +45,7 @@ const robotView = {
       const [step, pose] = one.split(":");
       return { step: Number(step), pose: readPose(pose ?? "") };
     }).filter(({ step, pose }) => step >= 0 && pose && this.experiment.env.fits(pose));
+    this.switched = state.frozen.split(";").filter(Boolean).map(Number).filter(Number.isInteger);
     const made = state.made;
     state.made = 0;
     while (state.made < made && this.advance());
@@ -60,7 +63,7 @@ const robotView = {
   // After a change: from the beginning, and to the end if the run before had come to its end.
   change() {
     const whole = this.experiment?.done;
-    Object.assign(state, { made: 0, more: 0, kidnap: "" });
+    Object.assign(state, { made: 0, more: 0, kidnap: "", frozen: "" });
     this.rebuild();
     if (whole) player.rush();
   },
@@ -68,7 +71,9 @@ const robotView = {
   // One step; false where the run is over.
   advance() {
     const { experiment } = this;
-    for (const { step, pose } of this.kidnaps) if (step === state.made && experiment.underWay) experiment.kidnap(pose);
+    if (experiment.done) return false;
+    experiment.freeze(this.frozen);
+    for (const { step, pose } of this.kidnaps) if (step === state.made) experiment.underWay ? experiment.kidnap(pose) : experiment.begin(pose);
     if (!experiment.step()) return false;
     state.made++;
     return true;
@@ -98,28 +103,58 @@ const robotView = {
   },
 
   restart() {
-    Object.assign(state, { made: 0, more: 0, kidnap: "" });
+    Object.assign(state, { made: 0, more: 0, kidnap: "", frozen: "" });
     this.rebuild();
   },
 
-  // Where the hand lets go: a kidnap in mid-episode, else a new start for the whole run.
+  // Whether it is frozen, as from here on.
+  get frozen() {
+    return this.switched.filter((step) => step <= state.made).length % 2 > 0;
+  },
+
+  // From here on frozen, or with its learning on; twice at the same step is not at all.
+  freeze() {
+    if (!this.experiment) return this.tell();
+    const others = this.switched.filter((step) => step !== state.made);
+    this.switched = others.length < this.switched.length ? others : [...others, state.made];
+    state.frozen = this.switched.join(";");
+    this.show();
+  },
+
+  // What a hand can hold: the robot, once it has driven, and the start, where no episode is under way.
+  get grips() {
+    const { steps, underWay, diverged, env } = this.experiment;
+    return [...(steps && !diverged ? [this.pose] : []), ...(underWay ? [] : [env.start])];
+  },
+
+  hold(grip) {
+    this.hand = { ...grip };
+    this.handsStart = grip === this.experiment.env.start;
+  },
+
+  // Where the hand lets go of the robot it drives on, in this episode or its next; the start is that of the whole run.
   put(pose) {
-    this.hand = null;
-    const { env, underWay } = this.experiment;
+    const { experiment, handsStart } = this, { done, env } = experiment;
+    Object.assign(this, { hand: null, handsStart: false });
     if (!env.fits(pose)) return say("The robot does not fit there; put it where it touches nothing.");
     say("");
     const told = [pose.x, pose.y, pose.heading].map((value) => Number(value.toFixed(4)));
-    if (underWay) {
-      const kidnap = { step: state.made, pose: poseOf(told) };
-      this.kidnaps = [...this.kidnaps.filter(({ step }) => step !== state.made), kidnap];
-      this.experiment.kidnap(kidnap.pose);
-      state.kidnap = this.kidnaps.map(({ step, pose: p }) => `${step}:${p.x},${p.y},${p.heading}`).join(";");
-      this.show();
-    } else {
-      state.start = told.join(",");
-      state.seeds = 0;
-      this.change();
+    if (handsStart) {
+      Object.assign(state, { start: told.join(","), seeds: 0 });
+      return this.change();
     }
+    this.goOn();
+    const kidnap = { step: state.made, pose: poseOf(told) };
+    this.kidnaps = [...this.kidnaps.filter(({ step }) => step !== state.made), kidnap];
+    if (experiment.underWay) experiment.kidnap(kidnap.pose);
+    state.kidnap = this.kidnaps.map(({ step, pose: p }) => `${step}:${p.x},${p.y},${p.heading}`).join(";");
+    this.show();
+    if (done) player.run("play");
+  },
+
+  // Where it was put down after an episode, until it drives on.
+  get waiting() {
+    return this.experiment.underWay ? undefined : this.kidnaps.find(({ step }) => step === state.made)?.pose;
   },
 
   // Somewhere free, the same place for the same seed and step. A robot that waits makes a step first.
@@ -127,6 +162,7 @@ const robotView = {
     if (!this.world) return;
     for (let tries = 0; !this.experiment.underWay && tries < 2; tries++) this.step();
     if (!this.experiment.underWay) return say("The weights have left the finite numbers: nothing to kidnap.");
+    this.handsStart = false;
     const rng = new Generator(new SeedSequence(state.seed, [state.made]));
     this.put(freePose(this.world, this.world.room.size, rng));
   },
@@ -218,13 +254,14 @@ const robotView = {
   },
 
   tell() {
+    at("frozen").checked = this.frozen;
     const done = sum(compared().map(({ text }) => this.rows(text).length)), all = state.seeds * compared().length;
     at("robot-seeds").textContent = done < all && jobs.has("seeds") ? `Stop ${done}/${all}` : state.seeds ? `${TEN} more seeds` : `${TEN} seeds`;
   },
 
   show() {
     const { experiment } = this;
-    if (experiment?.episodes.length >= DATA.settings.episodes && !state.kidnap)
+    if (experiment?.episodes.length >= DATA.settings.episodes && !state.kidnap && !state.frozen)
       this.lengths.set(this.played, lengthsOf(experiment));
     at("robot-home").hidden = !state.start;
     this.tell();
@@ -238,7 +275,7 @@ const robotView = {
   },
 
   get pose() {
-    return this.experiment.steps ? this.experiment.env.robot.pose : this.experiment.env.start;
+    return this.waiting ?? (this.experiment.steps ? this.experiment.env.robot.pose : this.experiment.env.start);
   },
 
   // The lattice's similarities: the best over all headings, or at one heading, for each position; NaN outside.
@@ -342,8 +379,8 @@ function paintRoom(ctx, width) {
   shape([0, 2.4, -2.4].map((turn) => at(start, 1.3 * RADIUS_M, turn)));
 
   const driven = (from, steps, first, ...strokes) => {
-    for (const { points, carried } of legs(from, steps, first))
-      for (const [paint, wide] of strokes) curve(ctx, points.map((pose) => [x(pose.x), y(pose.y)]), paint, wide, carried ? [3, 5] : []);
+    for (const { points, carried, frozen } of legs(from, steps, first))
+      for (const [paint, wide] of strokes) curve(ctx, points.map((pose) => [x(pose.x), y(pose.y)]), frozen && paint === WAY ? FROZEN : paint, wide, carried ? [3, 5] : []);
   };
   let first = 0;
   experiment.episodes.forEach(({ steps, from }, k) => {
@@ -354,13 +391,12 @@ function paintRoom(ctx, width) {
     }
     if (steps !== experiment.steps) first += steps.length;
   });
-  if (experiment.steps) driven(experiment.from, experiment.steps, first, ["#ffffff", 4.5], ["#0072B2", 2.5]);
+  if (experiment.steps) driven(experiment.from, experiment.steps, first, ["#ffffff", 4.5], [WAY, 2.5]);
   const { pose } = robotView;
   paintSight(ctx, at, pose);
   paintRobot(ctx, at, pose, scale, "#D55E00");
-  const held = robotView.hand ?? (experiment.underWay ? pose : start);
   ctx.lineWidth = 2 * u;
-  ring(ctx, at(held, handleAt(scale)), u);
+  for (const held of robotView.hand ? [robotView.hand] : robotView.grips) ring(ctx, at(held, handleAt(scale)), u);
   if (robotView.hand) {
     ctx.globalAlpha = 0.75;
     paintRobot(ctx, at, robotView.hand, scale, experiment.env.fits(robotView.hand) ? "#009E73" : "#000000");
@@ -370,19 +406,25 @@ function paintRoom(ctx, width) {
   title("r-room", roomTitle());
 }
 
-// The way of an episode, cut where the robot was carried. first: steps made before it.
+const WAY = "#0072B2", FROZEN = "#B0558B"; // with its learning on, and without
+
+// The way of an episode, cut where the robot was carried, frozen or learnt on. first: steps made before it.
 function legs(from, steps, first) {
   const found = [];
   let points = [from];
   for (let k = 0; k <= steps.length; k++) {
     const { pose } = robotView.kidnaps.findLast(({ step }) => k > 0 && step === first + k) ?? {};
-    if (pose && (k < steps.length || robotView.experiment.underWay)) {
-      found.push({ points }, { points: [points.at(-1), pose], carried: true });
+    const frozen = steps[k - 1]?.frozen;
+    if (pose && (k < steps.length || (robotView.experiment.underWay && steps === robotView.steps))) {
+      found.push({ points, frozen }, { points: [points.at(-1), pose], carried: true });
       points = [pose];
+    } else if (k > 0 && k < steps.length && steps[k].frozen !== frozen) {
+      found.push({ points, frozen });
+      points = [points.at(-1)];
     }
     if (k < steps.length) points.push(steps[k]);
   }
-  return [...found, { points }];
+  return [...found, { points, frozen: steps.at(-1)?.frozen }];
 }
 
 // A ring ahead of what can be turned, far enough from its middle for a thumb.
@@ -456,8 +498,10 @@ function roomTitle() {
   const { experiment } = robotView, finished = experiment.episodes.length;
   if (robotView.hand) return experiment.env.fits(robotView.hand) ? "Let go, or press Enter, to put the robot here" : "The robot does not fit here";
   if (experiment.diverged) return `The weights left the finite numbers in episode ${experiment.diverged}: this rule and step size diverge`;
-  const after = experiment.settings.episodes, trained = (number) => (number > after ? `Episode ${number}, with what was learnt in ${after}` : `Episode ${number}`);
+  const after = experiment.settings.episodes, { frozen } = robotView;
+  const trained = (number) => `Episode ${number}${number > after ? `, with what was learnt in ${after}` : ""}`;
   if (!experiment.steps) return `The robot starts ${state.start ? "here; home is" : "with its back to home,"} the white square: press Play, or All ${after}`;
+  if (robotView.waiting) return `Episode ${finished + 1} begins where the robot was put${frozen ? ", frozen" : ""}: press Play`;
   if (!experiment.underWay) {
     const last = experiment.episodes.at(-1), steps = count(last.steps.length, "step");
     return last.reached ? `${trained(finished)}: it stopped after ${steps}, ${short(100 * apart(last.steps.at(-1), experiment.env.home), 2)} cm from home` : `${trained(finished)}: cut after ${steps}, not at home`;
@@ -465,7 +509,7 @@ function roomTitle() {
   const carried = robotView.kidnaps.some(({ step }) => step === state.made), made = experiment.steps.length;
   const how = carried ? `carried away after step ${made}` : experiment.steps.at(-1)?.atWall ? `step ${made}, turning away from a wall` : `step ${made}`;
   const seen = similarity(features(experiment.env.world.histogram(robotView.pose), experiment.env.model));
-  return `${trained(finished + 1)}, ${how}: similarity ${seen.toFixed(3)}, it stops at ${experiment.env.psi.upper.toFixed(3)}`;
+  return `${trained(finished + 1)}${frozen ? ", frozen" : ""}, ${how}: similarity ${seen.toFixed(3)}, it stops at ${experiment.env.psi.upper.toFixed(3)}`;
 }
 
 const apart = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
@@ -557,13 +601,24 @@ function paintCurve(ctx, width, height) {
     ends.push([name, points.at(-1)[1], paint]);
   }
   const { paint } = compared().at(-1), alone = !state.seeds, ink = colour(alone ? `${paint}-line` : "ink");
-  const points = lengths.map((value, k) => [box.x(k + 1), up(value)]);
+  const places = experiment.episodes.map((one, k) => ({ ...one, place: [box.x(k + 1), up(one.steps.length)] }));
+  const points = places.filter((one) => !one.frozen).map(({ place }) => place);
   if (alone) curve(ctx, points, ink, 2.6);
   ctx.lineWidth = 1.5 * u;
-  points.forEach(([px, py], k) => disc(ctx, px, py, (alone ? 4 : 2.6) * u, experiment.episodes[k].reached ? ink : colour("paper"), ink));
+  for (const { place: [px, py], reached, frozen } of places) {
+    const edge = frozen ? colour("pink-line") : ink;
+    (frozen ? square : disc)(ctx, px, py, (alone ? 4 : 2.6) * u, reached ? edge : colour("paper"), edge);
+  }
   if (alone && points.length) ends.push([ruleName(), points.at(-1)[1], paint]);
   if (ends.length) labelEnds(ctx, ends, right + 10 * u, 22 * u, height - 44 * u);
   title("r-curve", curveTitle(lengths, episodes, reference));
+}
+
+function square(ctx, x, y, half, fill, edge) {
+  ctx.fillStyle = fill;
+  ctx.strokeStyle = edge;
+  ctx.fillRect(x - half, y - half, 2 * half, 2 * half);
+  ctx.strokeRect(x - half, y - half, 2 * half, 2 * half);
 }
 
 const mean = (values) => sum(values) / values.length;
@@ -585,6 +640,8 @@ function curveTitle(lengths, episodes, { climb, shortest }) {
   }
   if (!lengths.length && !known.length) return "The learning curve, beside a climb up the similarity, chance and the shortest way";
   const only = `Seed ${state.seed} only`;
+  const [frozen, on] = [1, 0].map((share) => robotView.experiment.episodes.filter((one) => one.frozen === share).map((one) => one.steps.length));
+  if (frozen.length) return `${only}: ${on.length ? `the last ${count(Math.min(LATE, on.length), "episode")} with its learning on: ${short(mean(on.slice(-LATE)))} steps on average; ` : ""}frozen (${frozen.length}): ${short(mean(frozen))}${beside}`;
   if (lengths.length < episodes) return `${only}: ${count(lengths.length, "episode")} so far${lengths.length ? `, ${short(mean(lengths))} steps on average` : ""}`;
   if (known.length > 1) return `${only}: ${last.toLowerCase()}: ${known.map(({ name, rows }) => `${short(late(rows[0]))} with ${name}`).join(", ")}. “${TEN} seeds” tells luck from rule`;
   return `${only}: the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps, the last ${LATE} ${short(late(lengths))}${beside}`;
@@ -602,8 +659,9 @@ function paintSteps(ctx, width, height) {
   stems(ctx, seen, (t) => x(t + first), { left, right, top: third + 26 * u, middle: 2 * third + 16 * u, bottom: height - 20 * u });
   text(ctx, steps.length ? `step ${first + 1}` : "", left, height - 2 * u, { base: "bottom", fill: colour("soft") });
   if (steps.length > 1) text(ctx, steps.length, x(steps.length - 1), height - 2 * u, { base: "bottom", align: "center", fill: colour("soft") });
-  const later = steps.slice(1), reset = later.filter((step) => step.clipped).length;
-  const back = reaches(steps);
+  const later = steps.slice(1).filter((step) => !step.frozen), reset = later.filter((step) => step.clipped).length;
+  const back = reaches(steps).filter((_, k) => !steps[k].frozen);
+  if (steps.length > 1 && !later.length) return title("r-steps", "Frozen: nothing is learnt, so there is no TD error and no λ");
   title("r-steps", later.length
     ? `Mean λ ${short(mean(later.map((step) => step.lambda)), 2)}, reset at ${reset} of ${count(later.length, "step")}; the trace reaches back ${short(mean(back), 2)} steps on average, ${Math.max(...back)} at most`
     : "Similarity, TD error and λ of each step");
@@ -626,19 +684,20 @@ function setUpRobot() {
   robotView.curve = new Chart("r-curve", 400, paintCurve);
   robotView.stepsChart = new Chart("r-steps", 400, paintSteps);
   const { canvas } = robotView.room;
-  let turning = false;
-  const grip = () => (robotView.experiment.underWay ? robotView.pose : robotView.experiment.env.start);
+  let turning = false, from = null;
   const place = (event) => roomScale(canvas.clientWidth).back(event.offsetX, event.offsetY);
   canvas.addEventListener("pointerdown", (event) => {
     if (!robotView.experiment) return;
-    const { scale } = roomScale(canvas.clientWidth), point = place(event), held = grip();
-    const [hx, hy] = ahead(held, handleAt(scale));
-    const near = Math.max(RADIUS_M, (22 * unit()) / scale);
-    turning = apart(point, { x: hx, y: hy }) < near && apart(point, { x: hx, y: hy }) < apart(point, held);
-    if (!turning && apart(point, held) > near) return;
+    const { scale } = roomScale(canvas.clientWidth), point = place(event), near = Math.max(RADIUS_M, (22 * unit()) / scale);
+    const handle = (held) => poseOf(ahead(held, handleAt(scale)));
+    const reach = (held) => Math.min(apart(point, held), apart(point, handle(held)));
+    const [held] = robotView.grips.sort((a, b) => reach(a) - reach(b));
+    if (reach(held) > near) return;
+    turning = apart(point, handle(held)) < apart(point, held);
     player.pause();
     canvas.setPointerCapture(event.pointerId);
-    robotView.hand = { ...held };
+    robotView.hold(held);
+    from = held;
     robotView.room.refresh();
   });
   // A finger that holds the robot does not scroll the page; elsewhere in the room it does.
@@ -653,8 +712,8 @@ function setUpRobot() {
   const drop = (event) => {
     if (!robotView.hand || !canvas.hasPointerCapture(event.pointerId)) return;
     canvas.releasePointerCapture(event.pointerId);
-    const { hand } = robotView, held = grip();
-    if (apart(hand, held) < 0.005 && hand.heading === held.heading) robotView.hand = null;
+    const { hand } = robotView;
+    if (apart(hand, from) < 0.005 && hand.heading === from.heading) robotView.hand = null;
     else robotView.put(hand);
     robotView.room.refresh();
   };
@@ -667,7 +726,8 @@ function setUpRobot() {
     else if (event.key === "Escape" && robotView.hand) robotView.hand = null;
     else if (move) {
       player.pause();
-      const hand = (robotView.hand ??= { ...grip() });
+      if (!robotView.hand) robotView.hold(robotView.grips[0]);
+      const { hand } = robotView;
       hand.x += 0.02 * move[0];
       hand.y += 0.02 * move[1];
       hand.heading = wrapped(hand.heading + radians(20) * move[2]);

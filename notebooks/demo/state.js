@@ -23,6 +23,7 @@ const USUAL = {
   map: "none",
   start: "", // x,y,heading
   kidnap: "", // step:x,y,heading;...
+  frozen: "", // steps at which it was frozen, learnt on, was frozen ...; 900;1200
   made: 0, // steps made
   more: 0, // episodes after the training
   seeds: 0, // how many, from `seed` on, are compared; 0: the one that is played
@@ -31,7 +32,7 @@ const USUAL = {
 // What only one view asks for; the other's is not in the address.
 const ONLY = {
   walk: ["alpha", "at", "look", "pick", "row"],
-  robot: ["alpha0", "multiplier", "epsilon", "update", "map", "start", "kidnap", "made", "more", "seeds"],
+  robot: ["alpha0", "multiplier", "epsilon", "update", "map", "start", "kidnap", "frozen", "made", "more", "seeds"],
 };
 
 const ALLOWED = {

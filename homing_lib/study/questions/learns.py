@@ -46,7 +46,7 @@ SHORTEST = study(
     "shortest",
     "The least number of steps that the robot's actions allow.",
     labelled(Settings(images="atlas", room=room) for room in ROOMS),
-    JUDGED[:5],
+    JUDGED,
     shortest,
 )
 
@@ -66,8 +66,9 @@ def first_and_last(table: Any, condition: str = "form 2") -> tuple[Array, Array]
     ATLAS,
     CAMERA,
     UNLEARNT,
+    SHORTEST,
 )
-def learns(atlas: Any, camera: Any, unlearnt: Any) -> Judged:
+def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     """With the camera and on the atlas."""
     found = {}
     random, climb = (
@@ -82,6 +83,7 @@ def learns(atlas: Any, camera: Any, unlearnt: Any) -> Judged:
         found |= {f"{name}.first": estimate(first), f"{name}.last": estimate(last)}
         found[f"{name}.typical"] = estimate(last, iqm)
     found["random"], found["climb"] = estimate(random), estimate(climb)
+    found |= {f"shortest.{room}": estimate(rows(shortest, room=room).steps) for room in ROOMS}
     first, last = first_and_last(camera, "fixed 0")
     found |= {"camera.fixed0.first": estimate(first), "camera.fixed0.last": estimate(last)}
     ours, theirs = (episodes_of(camera, who) for who in ("form 2", "fixed 0"))
@@ -130,6 +132,7 @@ def hidden_goal(atlas: Any, camera: Any) -> Judged:
         last = episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES]
         found[f"{name}.home"] = estimate((last <= TRIAL_STEPS).mean(axis=1))
     side = bound(found["atlas.home"].interval, 0.95)
+    found["atlas.home"] = of(found["atlas.home"].interval, side, judged=True)
     seen = in_view(room, settings.field_of_view_deg)
     return "contradicted" if seen else _claim(side, ("above",), ("below",)), found
 

@@ -59,7 +59,11 @@ READINGS: dict[str, dict[str, Any]] = {
 }
 """Other readings of the print, each alone, as a change of ours."""
 
-_RANDOM = {f"random, {centre}": OURS.with_changes(controller="random", centre=centre) for centre in ("zero", "mean")}
+_RANDOM = {
+    f"random, {centre}, {variance}": OURS.with_changes(controller="random", centre=centre, variance=variance)
+    for centre in ("zero", "mean")
+    for variance in ("pooled", "per-bin")
+}
 
 PRINTED = study(
     "printed",
@@ -111,7 +115,7 @@ def printed(table: Any) -> Judged:
         found[f"{name}.early"], found[f"{name}.late"] = estimate(column(table, name, "early")), estimate(late)
         if settings.controller == "random":
             continue
-        chance = column(table, f"random, {settings.centre}", "late")
+        chance = column(table, f"random, {settings.centre}, {settings.variance}", "late")
         found[f"{name}.of first"] = steps(late, column(table, name, "early"), family=family)
         found[f"{name}.of random"] = steps(late, chance, family=family)
         if name != _OURS:

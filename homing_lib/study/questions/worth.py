@@ -157,7 +157,7 @@ PLACED = study(
             Settings(images="atlas", room=room, **_EXTENSION),
         )
     ),
-    ROBOTS[:120],
+    ROBOTS[:80],
     placed,
 )
 
@@ -327,6 +327,8 @@ def kidnapped(table: Any) -> Judged:
             found[f"{name}.light {light:g} or as learnt"] = shares(home[light, False], home[1.0, False])
     as_many = found["restored.carried or begun"].word
     enough = bound(found["restored.carried"].interval, 0.95)
+    found["restored.carried"] = of(found["restored.carried"].interval, enough, judged=True)
+    found["restored.carried or begun"] = found["restored.carried or begun"]._replace(judged=True)
     if as_many in ("the same", "more") and enough == "above":
         return "supported", found
     return "contradicted" if as_many == "fewer" or enough == "below" else "inconclusive", found

@@ -1,0 +1,221 @@
+"""Numbers in prose are those of the findings, and every sentence that rests on a verdict is named when that falls."""
+
+import json
+import re
+
+import nbformat
+import pytest
+
+from homing_lib.errors import UserError
+from homing_lib.publish import prose
+from homing_lib.study import findings
+from homing_lib.study.findings import Comparison, Finding
+
+FOUND = {
+    "varying": Finding(
+        "varying",
+        "no",
+        {
+            "paper.total": Comparison(1.1534, 1.1049, 1.1951, "more", True),
+            "paper.home": Comparison(0.9345, 0.9, 0.957),
+            "steps": Comparison(12345.6, 11999.5, 13000.4, "fewer"),
+        },
+    ),
+    "C8": Finding("C8", "contradicted", {"restored.soon": Comparison(0.5, 0.4, 0.6, "below", True)}),
+}
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """Two questions that nobody asked."""
+    findings.stored.cache_clear()
+    monkeypatch.setattr(findings, "stored", lambda: FOUND)
+
+
+@pytest.fixture
+def written(found, monkeypatch, tmp_path):
+    """Call it with texts, and they are all the prose there is."""
+    monkeypatch.setattr(prose, "ROOT", tmp_path)
+
+    def write(markdown="", latex="", cells=()):
+        paths = [tmp_path / name for name in ("README.md", "report.tex", "one.ipynb")]
+        paths[0].write_text(markdown, encoding="utf-8")
+        paths[1].write_text(latex, encoding="utf-8")
+        made = [nbformat.v4.new_markdown_cell(source, id=f"cell{place}") for place, source in enumerate(cells)]
+        nbformat.write(nbformat.v4.new_notebook(cells=[*made, nbformat.v4.new_code_cell("# pin: none")]), paths[2])
+        for name, path in zip(("MARKDOWN", "LATEX", "NOTEBOOKS"), paths, strict=True):
+            monkeypatch.setattr(prose, name, (path,))
+        return paths
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("varying.paper.total", "1.15 [1.10, 1.20]"),
+        ("varying.paper.total|0", "1 [1, 1]"),
+        ("varying.paper.total|1", "1.2 [1.1, 1.2]"),
+        ("varying.paper.total|v3", "1.153"),
+        ("varying.paper.total|v", "1.15"),
+        ("varying.paper.home|pct", "93 [90, 96] %"),
+        ("varying.paper.home|vpct", "93 %"),
+        ("varying.steps|0", "12,346 [12,000, 13,000]"),
+    ],
+)
+def test_a_number_is_written_by_its_format(name, text, found):
+    assert prose.number(name) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("varing.paper.total", "'varing': no such question or claim; there are varying, C8.*did you mean varying"),
+        ("varying.paper.totl", "number varying.paper.totl: varying has none of this name.*did you mean paper.total"),
+        ("varying", "number varying: varying has none of this name"),
+        ("varying.steps|nice", "number varying.steps|nice: a format is some decimals, or pct"),
+    ],
+)
+def test_an_unknown_number_is_refused_with_a_near_one(name, line, found):
+    with pytest.raises(UserError, match=f"^{line.replace('|', '[|]')}") as refusal:
+        prose.number(name)
+    assert "\n" not in str(refusal.value)
+
+
+def test_marks_are_filled_and_filled_again_they_stay(found):
+    text = "It takes <!--n varying.steps|0--><!--/n-->, or\n<!--n varying.paper.home|vpct-->12 %<!--/n-->; 5 > 4."
+    once = prose.refreshed(text)
+    assert once == (
+        "It takes <!--n varying.steps|0-->12,346 [12,000, 13,000]<!--/n-->, or\n"
+        "<!--n varying.paper.home|vpct-->93 %<!--/n-->; 5 > 4."
+    )
+    assert prose.refreshed(once) == once
+
+
+def test_numbers_are_filled_into_markdown_and_notebooks_and_only_what_changed_is_written(written):
+    readme, report, notebook = written(
+        "<!--n varying.paper.total|v--><!--/n-->",
+        r"\num{varying.steps|0}",
+        ["λ: <!--n C8.restored.soon|pct-->?<!--/n-->"],
+    )
+    assert prose.update() == [readme, notebook]
+    assert readme.read_text(encoding="utf-8") == "<!--n varying.paper.total|v-->1.15<!--/n-->"
+    cells = nbformat.read(notebook, as_version=4).cells
+    assert cells[0].source == "λ: <!--n C8.restored.soon|pct-->50 [40, 60] %<!--/n-->"
+    assert prose.update() == []
+    assert prose.macros({"report": report.read_text(encoding="utf-8")}) == {
+        "varying.steps|0": "12,346 [12,000, 13,000]"
+    }
+
+
+COMMAS = "<!-- pin: worth=in 0, within 60 in 2, printed.the letter, tau .03=more, C8=a -->"
+
+
+def test_pins_are_read_from_markdown_and_latex_paragraph_by_paragraph(written):
+    written(
+        "First. <!-- pin: varying=no, C8=contradicted -->\n\nNothing.\n \n<!-- pin: C8=supported -->\nLast",
+        "One \\pin{varying=no} and \\num{varying.steps|0}\nmore.\\pin{C8=contradicted}\n\n\\num{varying.paper.total}",
+        ["A <!-- pin: varying.paper.total=more\nor so -->", "B", COMMAS],
+    )
+    assert [(one.where, one.pins, one.numbers) for one in prose.paragraphs()] == [
+        ("README.md", {"varying": "no", "C8": "contradicted"}, ()),
+        ("README.md", {"C8": "supported"}, ()),
+        ("report.tex", {"varying": "no", "C8": "contradicted"}, ("varying.steps|0",)),
+        ("report.tex", {}, ("varying.paper.total",)),
+        ("one.ipynb, cell cell0", {"varying.paper.total": "more or so"}, ()),
+        (
+            "one.ipynb, cell cell2",
+            {"worth": "in 0, within 60 in 2", "printed.the letter, tau .03": "more", "C8": "a"},
+            (),
+        ),
+    ]
+
+
+def test_a_pin_without_a_word_is_refused_where_it_stands(written):
+    written("It helps. <!-- pin: varying -->")
+    with pytest.raises(UserError, match=r"^README\.md: pin 'varying' must be a verdict's name, =, and its word$"):
+        prose.broken()
+
+
+def test_a_sentence_whose_verdict_fell_is_named_and_one_that_quotes_a_word_unpinned(written):
+    written(
+        "It does not help. <!-- pin: varying=no -->\n\nAll come home. <!-- pin: C8=supported, C99=yes -->",
+        "It takes \\num{varying.paper.total} of the steps. \\pin{varying=no}\n\n"
+        "\\pin{varying.steps=fewer} \\num{varying.steps|0} \\num{varying.paper.home}",
+    )
+    assert prose.broken() == [
+        "README.md: rests on C8 = 'supported', found 'contradicted': All come home.",
+        "README.md: rests on C99 = 'yes', found 'no such verdict': All come home.",
+    ]
+    assert [line.split(":")[0] for line in prose.broken({**findings.verdicts(), "varying": "yes"})] == [
+        *["README.md"] * 3,
+        "report.tex",
+    ]
+    assert prose.unpinned() == [
+        "report.tex: quotes varying.paper.total and does not pin it ('more'): "
+        "It takes \\num{varying.paper.total} of the steps."
+    ]
+
+
+# The prose of the repository
+
+
+def test_no_sentence_rests_on_what_was_not_found_and_no_word_is_quoted_unpinned():
+    assert prose.broken() == []
+    assert prose.unpinned() == []
+
+
+def test_every_number_of_the_repository_is_as_it_was_found():
+    for path in (*prose.MARKDOWN, *prose.NOTEBOOKS):
+        text = path.read_text(encoding="utf-8")
+        assert prose.refreshed(text) == text, f"{path}: `homing numbers` fills them in"
+    assert prose.macros({path.name: path.read_text(encoding="utf-8") for path in prose.LATEX})
+
+
+def test_flipping_any_verdict_names_the_sentences_that_rest_on_it():
+    words, every = findings.verdicts(), list(prose.paragraphs())
+    pinned = {key for one in every for key in one.pins}
+    assert pinned >= {*findings.ORDER}
+    for key in pinned:
+        named = prose.broken({**words, key: f"not {words[key]}"})
+        resting = [one.where for one in every if key in one.pins]
+        assert [line.partition(": rests on ")[0] for line in named] == resting
+        assert all(f": rests on {key} = {words[key]!r}, found 'not " in line for line in named)
+
+
+JUDGES = re.compile(r"\b(takes (?:fewer|more) steps|helps|(?<!home )is worth|brings (?:it|the robot) home)\b")
+"""Words of judgement, in what is no question."""
+
+
+def judging(text):
+    """Paragraphs with such a word in a sentence, but for questions, headings, quotations, code and what is pinned."""
+    text = re.sub(r"```.*?```|^#.*$|^>.*$|^%.*$|``.*?''|“.*?”|\\\w*section{.*?}", "", text, flags=re.S | re.M)
+    for part in re.split(r"\n\s*\n", text):
+        plain = " ".join(part.split())
+        sentences = re.split(r"(?<=[.?!:]) ", plain)
+        judges = any(JUDGES.search(one) and not re.search(r"[Ww]hether|\?\W*$", one) for one in sentences)
+        if judges and not re.search(r"<!-- pin: |\\pin\{", part):
+            yield plain[:100]
+
+
+def test_a_judgement_without_a_pin_is_found_and_a_question_is_none():
+    pinned = "A varying lambda helps. <!-- pin: varying=yes -->"
+    assert list(judging(f"{pinned}\n\nDoes it help? Learning\nis worth it.\n\n# It helps\n\nDoes it help?")) == [
+        "Does it help? Learning is worth it."
+    ]
+
+
+def told():
+    """Text of README, the notebooks of the study and the report, by where it stands."""
+    yield "README.md", prose.MARKDOWN[0].read_text(encoding="utf-8")
+    yield "report.tex", prose.LATEX[0].read_text(encoding="utf-8").partition(r"\begin{document}")[2]
+    for path in prose.NOTEBOOKS:
+        if re.match(r"0[6-9]-", path.name):
+            for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+                exercise = cell["id"].startswith(("exercise", "solution"))
+                if cell["cell_type"] == "markdown" and not exercise:
+                    yield f"{path.name}, {cell['id']}", "".join(cell["source"])
+
+
+def test_no_paragraph_of_the_repository_judges_without_a_pin():
+    assert [f"{where}: {found}" for where, text in told() for found in judging(text)] == []
