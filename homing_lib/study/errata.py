@@ -33,6 +33,15 @@ class Erratum(NamedTuple):
         )
 
 
+_READINGS = {
+    "all but variance about the mean": "sigma^2 about zero",
+    "all but epsilon-greedy alone": "mixture as printed, tau 1",
+    "all but features kept": "features overwritten",
+    "+ features kept": "alpha_0 of the table",
+}
+"""What rows of `printed` that undo one substitution are as readings of the print."""
+
+
 def effect(of: Erratum) -> str:
     """What the readings that were run do to the total steps, in words; nothing if none was."""
     told = []
@@ -40,6 +49,7 @@ def effect(of: Erratum) -> str:
         question, _, comparison = name.partition(".")
         one = findings.finding(question)[comparison]
         label = comparison.removesuffix(".of ours.total").removeprefix(f"{of.name} ")
+        label = _READINGS.get(label, label)
         told.append(f"{label}, {one:.2f}: {one.word}")
     return f"Total steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
@@ -122,7 +132,7 @@ ERRATA = (
         "The formula gives a third value, 1.25e-4; they are a factor of 100 apart",
         "1.25e-3, which calibration picked too; all three are run",
         (_errata("the_formula_for_alpha_0_gives_neither_of_the_values_beside_it"), "study printed"),
-        _printed("all but step size of the text", "E4 alpha_0 of the formula"),
+        _printed("+ features kept", "E4 alpha_0 of the formula"),
     ),
     Erratum(
         "E5",
