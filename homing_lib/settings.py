@@ -115,7 +115,7 @@ class Settings(BaseModel):
     wheel_slip: float = _survey(0.0, "Declared: standard deviation of a wheel's way, as a share of it", ge=0, le=0.5)
 
     # --- Experiment ------------------------------------------------------------------------------------------------
-    room: _Room = _survey("paper", "Section IV: the room of 1.15 m x 1 m; others show that nothing is fitted to it")
+    room: _Room = _survey("paper", "Section IV: the room of 1.15 m x 1 m; in others the findings are tested")
     start: Literal["room", "uniform"] = _added("room", "Section IV: the room's; or drawn anew from all free poses")
     controller: Literal["sarsa", "random", "climb"] = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
     images: Literal["camera", "atlas", "compact"] = _survey(

@@ -83,7 +83,7 @@ def test_rows_are_those_of_some_settings_by_seed_and_what_does_not_vary_holds():
 
 def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settings_of_each():
     made, page = studies.page(), studies.PAGE.read_text(encoding="utf-8")
-    assert page == made
+    assert sorted(page.split("\n## ")) == sorted(made.split("\n## "))
     for study in STUDIES:
         section = page.split(f"## {study.name}\n")[1].split("\n## ")[0]
         assert study.reason in section

@@ -57,7 +57,7 @@ def forest(*panels: Panel, series: Mapping[str, str] | None = None, height: floa
         axes.set_xlabel(panel.label)
         if panel.log:
             axes.set_xscale("log")
-            plain_log(axes, "x", narrow=len(panels) > 2)
+            plain_log(axes, "x", narrow=len(panels) > 3)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.tick_params(axis="y", length=0)
     grid[0].set_yticks(range(len(rows)), rows)
@@ -166,12 +166,8 @@ def learns(
         drawing.level(axes, value, name)
     plain_log(axes, "y")
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    drawing.beside(
-        axes, f"{len(atlas):,} robots on the atlas", (3, atlas[:, 2].mean()), (8, 8), color=COLOURS["form 2"]
-    )
-    drawing.beside(
-        axes, f"{len(camera)} with the camera", (3, camera[:, 2].mean()), (-14, -22), color=COLOURS["camera"]
-    )
+    drawing.beside(axes, f"{len(atlas):,} robots on the atlas", (6.2, 240), (0, 0), color=COLOURS["form 2"])
+    drawing.beside(axes, f"{len(camera)} with the camera", (1.5, 78), (0, 0), color=COLOURS["camera"])
     return figure
 
 
@@ -296,7 +292,7 @@ def conjugate(found: Finding, lambda_: Array, reset: NDArray[np.bool_]) -> Figur
             shares.hlines(place + up, 100 * one.low, 100 * one.high, color="0.5", linewidth=1)
     shares.set_yticks(range(len(rows)), list(rows))
     shares.set(ylim=(len(rows) - 0.5, -0.5), xlim=(0, 100), xlabel="steps (%)")
-    shares.set_title("black: the paper's update; grey: all weights", fontsize=8)
+    shares.set_title("grey: all weights updated", loc="right")
     shares.tick_params(axis="y", length=0)
     return figure
 
@@ -478,7 +474,7 @@ def everywhere(found: Finding, rooms: Sequence[str]) -> Figure:
 @styled
 def maps(panels: Mapping[str, tuple[Array, Array, Array]], room: Room, label: str) -> Figure:
     """A share (0 to 1) at each place of a grid, drawn over the floor plan. panels: by title, x, y (m) and the share."""
-    size = TEXT_WIDTH, 0.6 + TEXT_WIDTH / len(panels) * room.size[1] / room.size[0]
+    size = TEXT_WIDTH, 0.35 + 0.9 * TEXT_WIDTH / len(panels) * room.size[1] / room.size[0]
     figure, (grid,) = plt.subplots(1, len(panels), squeeze=False, figsize=size, layout="compressed")
     for axes, (title, (x, y, values)) in zip(grid, panels.items(), strict=True):
         shown = axes.scatter(x, y, c=100 * values, s=62, marker="s", vmin=0, vmax=100, linewidth=0)
@@ -507,28 +503,23 @@ def home(
     rows, columns = similarity.shape
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
     plan.contour(x, y, similarity, levels=[psi_upper], colors="white", linewidths=1.4)
-    plan.plot(stops[0], stops[1], ".", color=COLOURS["frozen"], markersize=1.6, alpha=0.5)
+    every = slice(None, None, max(1, len(stops[0]) // 500))
+    plan.plot(stops[0][every], stops[1][every], ".", color=COLOURS["frozen"], markersize=2, alpha=0.8)
     drawing.draw_floor_plan(plan, room)
     plan.set_title("dots: where robots stopped")
     heading.plot(turned, profile, color=INK)
     heading.axhline(psi_upper, **DASHED)
     drawing.beside(
-        heading, "$\\psi_{upper}$: it stops above", (0.02, psi_upper), (0, 4), xycoords=("axes fraction", "data")
+        heading, "$\\psi_{upper}$: it stops above", (0.02, psi_upper), (0, -12), xycoords=("axes fraction", "data")
     )
+    count, edges = np.histogram(stops[2], bins=np.arange(-95, 96, 10))
     floor = profile.min()
-    heading.hist(
-        stops[2],
-        bins=np.arange(-90, 91, 5),
-        weights=np.full(len(stops[2]), 2.2 / len(stops[2])),
-        bottom=floor,
-        color=COLOURS["frozen"],
-        alpha=0.6,
-    )
+    heading.bar(edges[:-1] + 5, 0.14 * count / count.max(), 8, bottom=floor, color=COLOURS["frozen"], alpha=0.6)
     heading.set(
         xlabel="turned from home's heading (degrees)",
         ylabel="similarity NRB",
         xlim=(-90, 90),
         xticks=range(-90, 91, 45),
     )
-    heading.set_title("line: at home's place; bars: stops")
+    heading.set_title("line: at home's place; bars: where stops look")
     return figure

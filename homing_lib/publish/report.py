@@ -214,7 +214,7 @@ def numbers(h: Headline) -> dict[str, str]:
         "mixtureUsed": {
             "normalised": "both distributions with equal weight",
             "literal": "as printed",
-            "epsilon-greedy": "epsilon-greedy alone",
+            "epsilon-greedy": "plain epsilon-greedy",
         }[s.mixture],
     }
     return {name: tex(text) for name, text in texts.items()}

@@ -35,7 +35,7 @@ class Erratum(NamedTuple):
 
 _READINGS = {
     "all but variance about the mean": "sigma^2 about zero",
-    "all but epsilon-greedy alone": "mixture as printed, tau 1",
+    "all but plain epsilon-greedy": "mixture as printed, tau 1",
     "all but features kept": "features overwritten",
     "+ features kept": "alpha_0 of the table",
 }
@@ -258,7 +258,7 @@ ERRATA = (
             ),
             _policy("at_tau_a_thirtieth_epsilon_has_no_effect_on_the_printed_policy"),
         ),
-        _printed("all but epsilon-greedy alone", "E18 mixture as printed, tau .03", "E18 mixture normalised, tau .03"),
+        _printed("all but plain epsilon-greedy", "E18 mixture as printed, tau .03", "E18 mixture normalised, tau .03"),
     ),
     Erratum(
         "E19",

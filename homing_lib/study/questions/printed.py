@@ -17,7 +17,7 @@ OURS = Settings(images="atlas")
 
 SUBSTITUTIONS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "variance about the mean": ({"centre": "zero"}, {"centre": "mean"}),
-    "epsilon-greedy alone": ({"mixture": "literal", "tau0": 1.0}, {"mixture": "epsilon-greedy", "tau0": OURS.tau0}),
+    "plain epsilon-greedy": ({"mixture": "literal", "tau0": 1.0}, {"mixture": "epsilon-greedy", "tau0": OURS.tau0}),
     "features kept": ({"overwrite_features": True}, {"overwrite_features": False}),
     "step size of the text": ({"alpha0": 1.25e-2}, {"alpha0": 1.25e-3}),
 }
