@@ -120,7 +120,7 @@ class: .build/class/.ready
 
 ### Report
 
-.build/numbers: .build/data $(LIBRARY) paper/report.tex $(NOTEBOOKS:%=notebooks/%.ipynb)
+.build/numbers: .build/data $(LIBRARY) paper/report.tex $(wildcard paper/lectures/*.tex) $(NOTEBOOKS:%=notebooks/%.ipynb)
 	$(HOMING) numbers --latex > paper/numbers.tex.part
 	@mv paper/numbers.tex.part paper/numbers.tex
 	@cksum paper/numbers.tex > $@

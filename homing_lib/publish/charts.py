@@ -174,10 +174,10 @@ def learns(
 # --- drives -----------------------------------------------------------------------------------------------------------
 
 WAYS = {
-    "restored": "weights learnt, learning on",
-    "frozen": "weights learnt, frozen",
-    "forgetful": "initial weights, learning on",
-    "untrained": "initial weights, frozen",
+    "restored": "restored: weights learnt, learning on",
+    "frozen": "frozen: weights learnt, no learning",
+    "forgetful": "forgetful: initial weights, learning on",
+    "untrained": "untrained: initial weights, no learning",
 }
 """The four ways in which a robot is tried, in words."""
 
@@ -323,9 +323,9 @@ def varying(found: Finding) -> Figure:
         return Panel(label, rows, reference, log)
 
     return forest(
-        panel("total steps / theirs", "total", 1, True),
-        panel("late steps / theirs, typical robot", "late", 1, True),
-        panel("share lost − theirs", "lost", 0, False),
+        panel("total steps / theirs\n(left: form 2 takes fewer)", "total", 1, True),
+        panel("late steps / theirs,\ntypical robot", "late", 1, True),
+        panel("share lost − theirs\n(the same within .02)", "lost", 0, False),
         series=UPDATES,
     )
 
@@ -400,7 +400,7 @@ def cells(panels: Mapping[str, Array], rows: Sequence[str], columns: Sequence[st
             colour = "white" if value > middle else INK
             axes.text(column + 0.5, row + 0.5, f"{value:,.0f}", ha="center", va="center", color=colour, weight=weight)
         axes.set_xticks(np.arange(len(columns)) + 0.5, columns)
-        axes.set(title=title, ylim=(len(rows), 0), xlabel="who learns")
+        axes.set(title=title, ylim=(len(rows), 0), xlabel="who learns (bold: the fewest of a row)")
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
     grid[0].set_yticks(np.arange(len(rows)) + 0.5, rows)
@@ -436,10 +436,10 @@ def worth(found: Finding, rooms: Sequence[str], episodes: Sequence[int], starts:
 TRIED = {
     "published training, learning on": ("published.restored", "o", "learning on", True),
     "published training, frozen": ("published.frozen", "s", "frozen", True),
-    "published training, frozen and climbing": ("published.climbing", "^", "frozen", False),
-    "extension, learning on": ("extension.restored", "o", "learning on", False),
-    "extension, frozen and climbing": ("extension.climbing", "^", "best fixed", True),
-    "the climb": ("published.climb", "D", "climb", True),
+    "published training, frozen and climbing": ("published.climbing", "P", "frozen", False),
+    "extension, learning on": ("extension.restored", "o", "best fixed", False),
+    "extension, frozen and climbing": ("extension.climbing", "P", "best fixed", True),
+    "the climb": ("published.climb", "^", "climb", True),
     "random actions": ("published.random", "|", "random", True),
 }
 """Who is tried in `everywhere`: names of the finding's, marker, colour, and whether it is full."""

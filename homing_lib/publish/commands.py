@@ -200,7 +200,7 @@ def _studies(_: argparse.Namespace) -> None:
     from homing_lib.study import studies
 
     for study in studies.in_order():
-        print(f"{study.name:12} {len(study.conditions):3} conditions x {len(study.seeds):2} seeds  {study.reason}")
+        print(f"{study.name:24} {len(study.conditions):4} conditions x {len(study.seeds):4} seeds  {study.reason}")
 
 
 def _notebook(options: argparse.Namespace) -> None:

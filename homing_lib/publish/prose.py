@@ -56,7 +56,7 @@ def refreshed(text: str) -> str:
 
 def macros(sources: Mapping[str, str]) -> dict[str, str]:
     """What \\num needs for the numbers that some LaTeX sources name: the text of each."""
-    names = {name for text in sources.values() for name in _IN_TEX.findall(text)}
+    names = {" ".join(name.split()) for text in sources.values() for name in _IN_TEX.findall(text)}
     return {name: tex(number(name)) for name in sorted(names)}
 
 
@@ -88,9 +88,9 @@ def _of_text(where: str, text: str) -> Iterator[Paragraph]:
                 if not equals:
                     raise UserError(f"{where}: pin {pin.strip()!r} must be a verdict's name, =, and its word")
                 pins[key] = word
-        names = (*(name for name, _ in _MARKED.findall(part)), *_IN_TEX.findall(part))
-        if pins or names:
-            yield Paragraph(where, part, pins, names)
+        quoted = (*(name for name, _ in _MARKED.findall(part)), *_IN_TEX.findall(part))
+        if pins or quoted:
+            yield Paragraph(where, part, pins, tuple(" ".join(name.split()) for name in quoted))
 
 
 def broken(words: Mapping[str, str] | None = None) -> list[str]:

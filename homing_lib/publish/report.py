@@ -240,7 +240,7 @@ def _tables_of_settings() -> tuple[list[str], list[str]]:
     s, table_one, others = Settings(), [], []
     psi = stopping_thresholds(s.multiplier)
     ours = {
-        "first_episode_share": f"{s.first_episode:g}",
+        "first_episode_share": f"{s.first_episode_share:g} EP = {s.first_episode:g}",
         "multiplier": f"{s.multiplier:g} and {s.multiplier - 1:g}: {psi.upper:.4f} and {psi.lower:.4f}",
     }
     for name, field in Settings.model_fields.items():

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,27 +22,28 @@ import homing_lib.study.questions
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
-from homing_lib.study import bootstrap
+from homing_lib.study import bootstrap, choosing
 from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 
 FILE = DATA / "findings.json"
 
-HOW = """**How it is judged.** Everything that is chosen, step sizes above all, is chosen on seeds 0 to 99; what is
-judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones its mean of the
-last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means, those of late
-steps of interquartile means, which tell of the typical robot. A robot is *lost* if it diverged or takes, in its last
-five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of 9,999 bootstrap
-samples, in which a seed brings all that it has done; of k comparisons that are judged together each is that of 1 -
-.05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else *fewer* or *more*,
-if it leaves out 1; else *undecided*."""
+HOW = """**How it is judged.** Everything that is chosen, step sizes above all, is chosen on seeds below 100 (all
+candidates drive with seeds 0 to 19, the best two with 20 to 99, and these decide), by total steps with each episode cut
+at 500. What is judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones
+its mean of the last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means,
+those of late steps of interquartile means, which tell of the typical robot. A robot is *lost* if it diverged or takes,
+in its last five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of
+9,999 bootstrap samples, in which a seed brings all that it has done; of k comparisons that are judged together each is
+that of 1 - .05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else
+*fewer* or *more*, if it leaves out 1; else *undecided*."""
 
 
 class Comparison(NamedTuple):
     """One number of a finding: what it is, its interval, and the word that the interval allows ("" if none is asked).
 
-    judged: the verdict rests on it, and its interval is widened accordingly. f"{comparison:.2f}" writes the interval.
-    """
+    judged: it is one of those that are judged together, and its interval is widened accordingly. f"{comparison:.2f}"
+    writes the interval."""
 
     value: float
     low: float
@@ -178,8 +180,8 @@ def table(which: Iterable[str]) -> str:
 
 
 def told(found: Finding) -> str:
-    """A finding as plain text: verdict, predicate, and every comparison with its word; those it rests on are
-    starred."""
+    """A finding as plain text: verdict, predicate, and every comparison with its word; those that are
+    judged together are starred."""
     asked, rows = found.question, []
     for name, one in found.comparisons.items():
         digits = ".0f" if abs(one.value) >= 20 else ".2f"
@@ -195,11 +197,35 @@ def judge(name: str) -> Finding:
 
 
 def _made_from(asked: Question) -> str:
-    """A hash of what a finding depends on: its tables, its judge, and what all judges use."""
-    found = hashlib.sha256(fingerprint(asked.tables).encode())
-    for file in (import_module(asked.judge.__module__).__file__, bootstrap.__file__, __file__):
-        found.update(Path(str(file)).read_bytes())
+    """A hash of what a finding depends on: its tables and those that chose for it, its judge, and what judges use."""
+    found = hashlib.sha256(fingerprint(_with_choices(asked.studies).values()).encode())
+    modules = {*_questions_used(asked.judge.__module__), bootstrap.__name__, choosing.__name__, __name__}
+    for name in sorted(modules):
+        found.update(Path(str(import_module(name).__file__)).read_bytes())
     return found.hexdigest()[:16]
+
+
+def _with_choices(studies: Iterable[Any]) -> dict[str, Study]:
+    """These studies by their names, and all that they need."""
+    found: dict[str, Study] = {}
+    for one in studies:
+        made = one if isinstance(one, Study) else one()
+        found |= {made.name: made} | _with_choices(getattr(one, "needs", ()))
+    return dict(sorted(found.items()))
+
+
+def _questions_used(module: str, found: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The files of questions from which this one takes something, by their modules' names, itself too."""
+    found |= {module}
+    for one in vars(import_module(module)).values():
+        other = getattr(one, "__name__" if isinstance(one, ModuleType) else "__module__", None)
+        if (
+            isinstance(other, str)
+            and other.startswith(homing_lib.study.questions.__name__ + ".")
+            and other not in found
+        ):
+            found = _questions_used(other, found)
+    return found
 
 
 def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None:
@@ -216,10 +242,11 @@ def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None
                 for key, one in found.comparisons.items()
             }
             entry = {"verdict": found.verdict, "made from": made_from, "comparisons": numbers}
+            entry["checksum"] = _checksum(entry)
         now[name] = entry
     lines = [
         f'"{name}": {{"verdict": {json.dumps(entry["verdict"])}, "made from": "{entry["made from"]}", '
-        + '"comparisons": {\n'
+        + f'"checksum": "{entry["checksum"]}", "comparisons": {{\n'
         + ",\n".join(f"  {json.dumps(key)}: {json.dumps(one)}" for key, one in entry["comparisons"].items())
         + "\n}}"
         for name, entry in now.items()
@@ -230,11 +257,18 @@ def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None
         stored.cache_clear()
 
 
+def _checksum(entry: Mapping[str, Any]) -> str:
+    content = [entry[name] for name in ("verdict", "made from", "comparisons")]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
 def _stored() -> dict[str, Any]:
     try:
         found = json.loads(read_bytes(FILE))
         for entry in found.values():
-            entry["verdict"], entry["made from"], {key: Comparison(*one) for key, one in entry["comparisons"].items()}
+            {key: Comparison(*one) for key, one in entry["comparisons"].items()}
+            if entry["checksum"] != _checksum(entry):
+                raise ValueError("its content is not what was found")
     except FileNotFoundError:
         return {}
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
@@ -251,6 +285,7 @@ def stored() -> dict[str, Finding]:
     return {
         name: Finding(name, entry["verdict"], {key: Comparison(*one) for key, one in entry["comparisons"].items()})
         for name, entry in found.items()
+        if name in questions()
     }
 
 

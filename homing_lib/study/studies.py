@@ -53,7 +53,8 @@ class Later:
 
     def __init__(self, needs: Iterable[Any], make: Callable[[], Study]) -> None:
         self.needs, self._make = list(needs), cache(make)
-        _LISTED[f"later {len(_LISTED)}"] = self
+        named = f"{make.__module__}.{make.__qualname__}"
+        _LISTED[f"{named} {sum(name.startswith(named) for name in _LISTED):02}"] = self
 
     def __call__(self) -> Study:
         """The study. Raises UserError if a table that it needs is not there."""
@@ -198,7 +199,7 @@ def in_order() -> Iterator[Study]:
 
     for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
         import_module(f"homing_lib.study.questions.{module.name}")
-    listed = sorted(_LISTED.values(), key=lambda one: isinstance(one, Later))
+    listed = [_LISTED[name] for name in sorted(_LISTED)]  # whichever module was imported first
     order = TopologicalSorter({one: one.needs if isinstance(one, Later) else () for one in listed})
     return (one() if isinstance(one, Later) else one for one in order.static_order())
 

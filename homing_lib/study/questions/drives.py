@@ -257,11 +257,12 @@ VERDICTS = {
 @question(
     "drives",
     "What brings the robot home: the policy that it has learnt, or the learning under way?",
-    """After ten of the twenty episodes, from the room's start. The learning under way is needed where the restored
-    robot takes fewer steps than the frozen one; the weights learnt are needed where it takes fewer than the forgetful
-    one; at caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two caps). The verdict: "both
-    together", if in each room and at each cap both are; "the learning under way", if only it is, everywhere; "the
-    policy learnt", likewise; "neither", if neither is anywhere; else "it depends on the room". Beside it: the camera,
+    """Form 2 at the default step size, after ten of the twenty episodes, from the room's start. The learning under way
+    is needed where the restored robot takes fewer steps than the frozen one; the weights learnt are needed where it
+    takes fewer than the forgetful one; at caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two
+    caps). The verdict: "both together", if in each room and at each cap both are; "the learning under way", if only it
+    is, everywhere; "the policy learnt", likewise; "neither", if neither is anywhere; else "it depends on the room".
+    Beside it: the camera,
     slipping wheels, other rules of lambda, other numbers of episodes, other rewards and start values.""",
     PAPER,
     IN_ROOMS,
@@ -288,10 +289,15 @@ def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_sta
             like = varying.chosen("paper", update, rule)
             name = f"{update}.{rule.replace(varying.FORM_2, 'form2').replace(':', '')}"
             found |= compared(by_rule, name, lambda_rule=like.lambda_rule, update=like.update, alpha0=like.alpha0)
+    as_is: Any = None
     for name, changes in START.items():
         wanted = after(20, **changes)
         varied = ("theta0", "bootstrap_terminal", "reward_scale", "step_cost", "terminal_bonus")
-        found |= compared(by_start, name, **{one: getattr(wanted, one) for one in varied})
+        here = {one: getattr(wanted, one) for one in varied}
+        found |= compared(by_start, name, **here)
+        restored = of_kind(by_start, "restored", **here)
+        as_is = restored if name == "as is" else as_is
+        found[f"{name}.of as is"] = steps(taken(restored), taken(as_is))
     for kind in ("restored", "frozen", "greedy", "climb"):
         its = of_kind(paper, kind, episodes=JUDGED_AFTER)
         for column in ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall"):

@@ -72,7 +72,6 @@ PRINTED = study(
     {
         **CASCADE,
         "the letter, tau .03": _LETTER.with_changes(tau0=0.03),
-        "the letter, alpha_0 of the text": _LETTER.with_changes(alpha0=1.25e-3),
         "the letter, alpha_0 of the formula": _LETTER.with_changes(alpha0=1.25e-4),
         **{name: settings for name, settings in ALONE.items() if settings not in CASCADE.values()},
         **{name: settings for name, settings in UNDONE.items() if settings not in CASCADE.values()},

@@ -182,7 +182,7 @@ def JUDGED_DRAWS() -> Study:
 
 
 OPPONENTS = ("fixed0", "best", "draws", "gate")
-"""Those that the verdict rests on, under both updates: eight comparisons in a room."""
+"""Those that are judged together, under both updates: eight comparisons in a room."""
 
 FAMILY = len(OPPONENTS) * len(UPDATES)
 

@@ -18,10 +18,11 @@ from homing_lib.settings import Settings
 from homing_lib.study.engine import run, run_episode
 from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question, shares, steps
 from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
+from homing_lib.study.questions import rooms, varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
 from homing_lib.study.runs import Columns, by_episode
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, labelled, rows, study
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, labelled, rows, study
 
 # --- All episodes counted ---------------------------------------------------------------------------------------------
 
@@ -230,6 +231,10 @@ CARRIED = study(
 # --- Judges -----------------------------------------------------------------------------------------------------------
 
 AT = (20, 60)
+
+OWN_STEP_SIZE = ("hall", "cell")
+"""Rooms in which another step size than the default suits form 2 better (`varying.CHOICE`)."""
+
 FAMILY = len(ROOMS) * len(AT)
 
 
@@ -247,16 +252,18 @@ def _number(robots: Any, column: str) -> Array:
 @question(
     "worth",
     "Is learning worth it?",
-    """Learning on, from the room's start, all episodes counted. In a room learning pays within n episodes if their
-    steps, added up, are fewer than the climb's (k = 12: six rooms, n = 20 and 60). The verdict counts the rooms:
-    "within 20 episodes in n of 6 rooms, within 60 in m". Beside it: from anywhere; trials after learning, from
-    everywhere and from the start, learning on, restored and frozen, the extension and the published training with
-    climbing.""",
+    """Form 2 at the default step size, learning on, from the room's start, all episodes counted. In a room learning
+    pays within n episodes if their steps, added up, are fewer than the climb's (k = 12: six rooms, n = 20 and 60). The
+    verdict counts the rooms: "within 20 episodes in n of 6 rooms, within 60 in m". Beside it: from anywhere; trials
+    after learning, from everywhere and from the start, learning on, restored and frozen, the extension and the
+    published training with climbing.""",
     PAPER,
     OTHERS,
     PLACED,
+    UNLEARNT,
+    *(rooms.JUDGED[room][0] for room in OWN_STEP_SIZE),
 )
-def worth(paper: Any, others: Any, everywhere: Any) -> Judged:
+def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) -> Judged:
     """Room by room."""
     found: dict[str, Comparison] = {}
     for room in ROOMS:
@@ -278,6 +285,10 @@ def worth(paper: Any, others: Any, everywhere: Any) -> Judged:
                     for column in ("steps", "start_steps"):
                         pair = (_number(one, column) for one in (its, kinds["climb"]))
                         found[f"{room}.{training}.{kind}.of climb.{column}"] = steps(*pair)
+    for room, table in zip(OWN_STEP_SIZE, own, strict=True):
+        climb = rows(unlearnt, room=room, controller="climb").total.to_numpy(float)
+        learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
+        found[f"{room}.own step size.{AT[0]}"] = steps(learner[: len(climb)], climb)
     counts = [sum(found[f"{room}.room.{number}"].word == "fewer" for room in ROOMS) for number in AT]
     return f"within 20 episodes in {counts[0]} of {len(ROOMS)} rooms, within 60 in {counts[1]}", found
 
