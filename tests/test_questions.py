@@ -468,8 +468,11 @@ def test_worth_counts_the_rooms_in_which_the_sum_of_all_steps_falls_below_the_cl
         return number * (50 if settings.controller == "climb" else 30 if pays else 50)
 
     tables = [summed(one.conditions, steps) for one in (worth.PAPER, worth.OTHERS)]
-    found = judged("worth", *tables, everywhere(restored=50.0))
+    climb = pd.DataFrame({"seed": range(SEEDS), "controller": "climb", "total": 1000.0})
+    own = [pd.DataFrame({"seed": range(SEEDS), "total": total}) for total in (900.0 * 0.9, 2000.0)]
+    found = judged("worth", *tables, everywhere(restored=50.0), climb, *own)
     assert found[0] == verdict
+    assert [found[1][f"{room}.own step size.20"].word for room in worth.OWN_STEP_SIZE] == ["fewer", "more"]
     assert found[1]["hall.published.restored.of climb.steps"].word == "fewer"
 
 

@@ -41,7 +41,7 @@ CUT = 500  # steps of an episode, at most, where a single lost robot shall not d
 
 
 def totals(settings: Settings, seed: int) -> Columns:
-    """One row per run, for studies of a thousand."""
+    """One row per run, for studies of a thousand: that of `totals_of`, which says what it holds."""
     return totals_of(run(settings, seed))
 
 
@@ -96,7 +96,9 @@ def rows_after(
 
 
 def views(settings: Settings, seed: int) -> Columns:
-    """The similarity of 400 random free views to home by the camera, `camera`, and by the settings' atlas, `atlas`."""
+    """The similarity of 400 random free views (`x`, `y`, `heading`) to home by the camera and by the settings' atlas,
+    as `camera` and `atlas`.
+    """
     from homing_lib.arena import Arena  # which needs PyBullet, as nothing else here does
 
     rows: list[tuple[float, ...]] = []
@@ -114,7 +116,7 @@ def views(settings: Settings, seed: int) -> Columns:
 
 
 def shortest(settings: Settings, seed: int) -> Columns:
-    """`fewest_steps` from the room's start, under the same actions."""
+    """`fewest_steps` from the room's start, under the same actions: `steps`."""
     found: list[float] = []
     now = settings.with_changes(episodes=1, controller="random")
     run(now, seed, afterwards=lambda env, agent: found.append(fewest_steps(env)))

@@ -35,7 +35,7 @@ PARTS = study(
 
 
 def changes(settings: Settings, seed: int) -> Columns:
-    """One row per episode: `change`, the sum of the lengths of the weights' changes, and `steps`."""
+    """One row per `episode`: `change`, the sum of the lengths of the weights' changes, and `steps`."""
     made = run(settings, seed)
     change, taken = by_episode([made], "change")[0], by_episode([made])[0]
     return {"episode": np.arange(1.0, len(taken) + 1), "change": change, "steps": taken}

@@ -62,7 +62,8 @@ def directions(settings: Settings, seed: int) -> Columns:
 
     One row per episode: its `steps`; of them, those before the first whose lambda was reset (`unclipped`), those before
     the direction first leaves that of conjugate gradient (`until`), those that follow it in all (`follows`), and those
-    that follow it since the last restart (`restarted`); and those whose lambda was reset to 0 and to 1.
+    that follow it since the last restart (`restarted`); and those whose lambda was reset to 0 and to 1 (`to_0`,
+    `to_1`).
     """
     watched = Watched(settings.lambda_rule)
     result = run(settings, seed, lambda_rule=watched)

@@ -108,7 +108,8 @@ def chosen_own(room: str, update: str, rule: str) -> Settings:
 
 
 def lambdas_met(now: Settings, seed: int) -> Columns:
-    """Which lambdas a run had, to two digits, and how often (`count`); an episode's first step has none of its own."""
+    """Which lambdas a run `met`, to two digits, and how often (`count`); an episode's first step has none of its
+    own."""
     result = run(now, seed)
     asked = np.setdiff1d(np.arange(len(result.steps)), result.ended - result.lengths)
     met, count = np.unique(result.column("lambda")[asked].round(2), return_counts=True)
