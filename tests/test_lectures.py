@@ -21,24 +21,20 @@ SHOWN = re.compile(r"\\(?:shown|across)(?:\[([\d. ]+)\])?{([\d.]+)}{([\w-]+)}")
 
 DRAWN = re.compile(r"\\begin{tikzpicture}.*?\\end{tikzpicture}", re.DOTALL)
 LAYOUT = re.compile(r"\\textcolor{[^}]*}|\\(?:vspace|begin|renewcommand|term|raisebox|\\)(?:{[^}]*}|\[[^\]]*\])*")
+DATA = re.compile(r"\\(?:num|found|pin){[^}]*}")
 NAMES = re.compile(r"(?:[Nn]otebook|[Tt]ask|[Ff]orms?|eq\.~)[ (]*\d(?: to \d)?|\b[CEQ]\d+\b|\\oldstylenums{\d+}")
 MATHS = re.compile(r"\$[^$]*\$|\\\[.*?\\\]", re.DOTALL)
 
 
 def typed(text: str) -> str:
     """What a frame says in words: without drawings, layout, figures, formulas, and names of parts."""
-    for other in (DRAWN, SHOWN, LAYOUT, NAMES, MATHS):
+    for other in (DRAWN, SHOWN, DATA, LAYOUT, NAMES, MATHS):
         text = other.sub(" ", text)
     return text
 
 
 def each(of):
     return pytest.mark.parametrize("what", of.values(), ids=of)
-
-
-@each(SOURCES)
-def test_a_lecture_of_45_minutes_has_12_to_15_slides(what):
-    assert 12 <= what.count(r"\begin{frame}") <= 15
 
 
 @each(FRAMES)
@@ -66,18 +62,20 @@ def test_numbers_come_from_the_data(what):
         assert not re.search(r"[3-9]|\d\d|\d\.\d", formula), formula
 
 
-@each(SOURCES)
-def test_an_answer_is_never_typed(what):
-    answers = re.findall(r"\\answer{(.*?)}", what)
-    assert answers
-    assert [one for one in answers if not re.fullmatch(r"\\[a-z]+[A-Z]\w*", one)] == []
+@each(FRAMES)
+def test_an_answer_comes_from_the_data_or_stands_on_a_slide_that_pins_verdicts(what):
+    answers = re.findall(r"\\answer{((?:[^{}]|{[^}]*})*)}", what)
+    typed = [one for one in answers if not re.fullmatch(r"\\[a-z]+[A-Z]\w*|\\(?:num|found){[^}]*}", one)]
+    assert not typed or r"\pin{" in what
 
 
 JUDGED = r"better|worse|comparable|faster|slower|superior|beats?|wins?|(?:partly |not )?reproduced|outperforms?"
 
 
 @each(FRAMES)
-def test_a_word_of_judgement_is_typed_in_questions_only(what):
+def test_a_word_of_judgement_is_typed_in_questions_only_or_on_a_slide_that_pins_verdicts(what):
+    if r"\pin{" in what:
+        return
     for word in re.finditer(rf"\b(?:{JUDGED})\b", typed(what)):
         (end,) = re.findall(r"[.?!]", typed(what)[word.end() :])[:1]
         assert end == "?", typed(what)[word.start() : word.end() + 40]

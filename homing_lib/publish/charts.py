@@ -185,7 +185,7 @@ WAYS = {
 @styled
 def drives(found: Finding, rows: Mapping[str, str], kinds: Mapping[str, str] = WAYS, what: str = "steps") -> Figure:
     """Steps of a trial in several ways, a row each. rows: names by the prefix of the finding's; kinds: ways by name."""
-    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.95 + 0.36 * len(rows)))
+    figure, axes = plt.subplots(figsize=(TEXT_WIDTH, 0.85 + 0.09 * len(kinds) + 0.33 * len(rows)))
     look = {
         "restored": ("o", COLOURS["learning on"], True),
         "learning on": ("o", COLOURS["learning on"], True),
@@ -231,7 +231,7 @@ def drives(found: Finding, rows: Mapping[str, str], kinds: Mapping[str, str] = W
         )
         for kind, name in kinds.items()
     ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=2 if len(kinds) == 4 else 3, frameon=False)
+    figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False)
     return figure
 
 
@@ -521,5 +521,5 @@ def home(
         xlim=(-90, 90),
         xticks=range(-90, 91, 45),
     )
-    heading.set_title("line: at home's place; bars: where stops look")
+    heading.set_title("bars: where robots looked")
     return figure

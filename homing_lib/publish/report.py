@@ -12,8 +12,6 @@ from homing_lib.agent import Run
 from homing_lib.features import bins_per_channel
 from homing_lib.publish import prose
 from homing_lib.publish.tex import escaped, row, tex
-from homing_lib.robot import wrapped
-from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings, runs, studies
@@ -116,7 +114,7 @@ def misprints() -> str:
 
 def _paragraphs(of: Iterable[object]) -> str:
     """Markdown as plain text of a terminal's width; names of tests are not broken."""
-    plain = (re.sub(r"\*(\w+)\*", r"\1", str(one).replace("**", "").replace("\n\n> ", "\0")) for one in of)
+    plain = (re.sub(r"\*([^*]+)\*", r"\1", str(one).replace("**", "").replace("\n\n> ", "\0")) for one in of)
     return "\n\n".join(
         "\n".join(textwrap.fill(part, 100, break_long_words=False, break_on_hyphens=False) for part in text.split("\0"))
         for text in plain
@@ -168,36 +166,21 @@ def numbers(h: Headline) -> dict[str, str]:
     s = h.settings
     psi = stopping_thresholds(s.multiplier)
     rates = s.step_size_rates
-    stop_m, stop_deg = _stops(h.learnt)
-    share = {name: np.concatenate([run.column(name) for run in h.learnt]).mean() for name in ("clipped", "at_wall")}
     texts = {
-        "conclusion": conclusion(h),
-        "verdict": h.verdict,
         "numberOfRuns": f"{len(h.learnt)}",
         "numberOfEpisodes": f"{s.episodes}",
         "window": f"{WINDOW}",
         "firstSteps": f"{h.first:.0f}",
         "lastSteps": f"{h.last:.0f}",
         "randomSteps": f"{h.random:.0f}",
-        "lastOfFirst": f"{h.of_first:.2f}",
-        "lastOfRandom": f"{h.of_random:.2f}",
-        "betterRuns": f"{(h.last_steps < h.chance_steps).sum()}",
-        "medianLastSteps": f"{np.median(h.steps[:, -h.window :]):.0f}",
-        "shortestEpisode": f"{h.steps.min():.0f}",
         "homeReached": f"{h.reached}",
         "homeTotal": f"{h.total}",
         "randomReached": f"{h.random_reached}",
         "randomTotal": f"{h.random_total}",
-        "divergedRuns": f"{h.diverged}",
-        "stopDistance": f"{stop_m:.2f} m",
-        "stopAngle": f"{stop_deg:.0f}",
-        "clippedShare": f"{share['clipped']:.0%}",
-        "wallShare": f"{share['at_wall']:.0%}",
         "changeFall": f"{h.change_fall:.2f}",
         "rateFall": f"{h.rate_fall:.2f}",
         "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
         "rateLast": f"{rates[-1]:.3f}",
-        "wellBelow": f"{WELL_BELOW}",
         "psiUpper": f"{psi.upper:.4f}",
         "psiLower": f"{psi.lower:.4f}",
         "multiplier": f"{s.multiplier:g}",
@@ -207,7 +190,6 @@ def numbers(h: Headline) -> dict[str, str]:
         "channelPixels": f"{s.image_size**2}",
         "fieldOfView": f"{s.field_of_view_deg:g}",
         "surveySteps": f"{s.survey_steps}",
-        "maxSteps": f"{s.max_steps}",
         "wallPenalty": _shown(s.wall_penalty),
         "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one per bin"}[s.variance]
         + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
@@ -222,14 +204,6 @@ def numbers(h: Headline) -> dict[str, str]:
 
 def _successes(several: Sequence[Run]) -> tuple[int, int]:
     return sum(int(run.reached.sum()) for run in several), sum(run.settings.episodes for run in several)
-
-
-def _stops(several: Sequence[Run]) -> tuple[float, float]:
-    """Median distance (m) and angle (degrees) between home and the poses at which the robot stopped."""
-    home = room_named(several[0].settings.room).home
-    poses = np.concatenate([run.steps[np.cumsum(run.lengths)[run.reached] - 1, :3] for run in several])
-    angles = np.degrees([abs(wrapped(heading - home.heading)) for heading in poses[:, 2]])
-    return float(np.median(np.hypot(poses[:, 0] - home.x, poses[:, 1] - home.y))), float(np.median(angles))
 
 
 def _tables_of_settings() -> tuple[list[str], list[str]]:
