@@ -82,9 +82,8 @@ def test_a_question_is_judged_stored_and_read_back(asked):
         "Does it fly?",
         "Yes, if it takes ten steps.",
     )
-    assert found["of b"] == Comparison(1, 1, 1, "the same", True)
+    assert found["of b"] == Comparison(1, 1, 1, "the same", 2)
     assert found["steps"] == Comparison(20, 20, 20)
-    assert found.below("of ") == {"b": found["of b"]}
     assert found == findings.judge("flies")
     assert module.JUDGED == [12, 12]
     assert findings.verdicts() == {"flies": "yes", "flies.of b": "the same", "C2": "by construction"}
@@ -92,7 +91,7 @@ def test_a_question_is_judged_stored_and_read_back(asked):
     told = findings.told(found).splitlines()
     assert told[:2] == ["flies: Does it fly? yes", "  Predicate: Yes, if it takes ten steps."]
     assert [line.split() for line in told[2:]] == [
-        ["*", "of", "b", "1.00", "[1.00,", "1.00]", "the", "same"],
+        ["*", "of", "b", "1.00", "[1.00,", "1.00]", "the", "same,", "tells", "1.00"],
         ["steps", "20", "[20,", "20]"],
     ]
 
@@ -174,7 +173,7 @@ def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
     assert findings.steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", False)
     assert findings.steps(theirs, ours, family=3) == Comparison(2, 2, 2, "more", True)
     assert findings.shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", False)
-    assert findings.shares([0.51] * 4, [0.5] * 4, family=2)[3:] == ("the same", True)
+    assert findings.shares([0.51] * 4, [0.5] * 4, family=2)[3:] == ("the same", 1)
     assert findings.estimate([True, False]).value == 0.5
     assert [findings.bound(Interval(1, 0.9, 1.1), limit) for limit in (0.8, 0.9, 1.1, 1.2)] == [
         "above",
@@ -233,3 +232,10 @@ def test_what_is_stored_is_what_the_tables_say():
             key: one.word for key, one in kept.comparisons.items()
         }
     assert list(findings.stored()) == list(ASKED)
+
+
+@pytest.mark.parametrize(("judged", "bound"), [(1, 1.959964), (8, 2.734369)])
+def test_the_smallest_ratio_that_an_interval_tells_is_as_far_from_1_as_its_half_width_and_the_power_ask(judged, bound):
+    error = 0.05
+    found = Comparison(1.0, np.exp(-bound * error), np.exp(bound * error), "the same", judged)
+    assert found.smallest_ratio == pytest.approx(np.exp((bound + 0.841621) * error), rel=1e-6)

@@ -308,7 +308,7 @@ def drive(steps):
 def test_drives_what_is_needed_is_what_takes_more_steps_when_it_is_missing(steps, verdict, nothing_to_choose):
     found = drive({"paper": steps})
     assert found[0] == verdict
-    assert {found[1][f"{room}.restored.frozen.{cap}"].judged for room in ROOMS for cap in drives.CAPS} == {True}
+    assert {found[1][f"{room}.restored.frozen.{cap}"].judged for room in ROOMS for cap in drives.CAPS} == {24}
     assert not found[1]["slip.restored.frozen.2000"].judged
 
 
@@ -385,7 +385,7 @@ OTHERS = {"fixed:0": 1500.0, "fixed:0.5": 1500.0, "draws": 1500.0}
 def test_varying_helps_if_form_2_takes_fewer_steps_than_what_lacks_one_thing_each(steps, verdict, nothing_to_choose):
     found = judged("varying", *raced(steps), unlearnt())
     assert found[0] == verdict
-    assert sum(one.judged for one in found[1].values()) == varying.FAMILY == 8
+    assert sum(one.judged > 0 for one in found[1].values()) == varying.FAMILY == 8
 
 
 def test_a_robot_is_lost_if_it_diverged_or_takes_more_at_the_end_than_random_actions():

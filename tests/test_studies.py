@@ -158,35 +158,6 @@ def test_the_typical_episode_of_several_is_the_one_of_median_length():
     assert measures.typical(result, range(2, 5)) == 4
 
 
-def test_resets_are_counted_by_their_bound_and_how_many_steps_come_before_the_first_of_an_episode():
-    steps = np.zeros((10, len(STEP_COLUMNS)))
-    steps[:, STEP_COLUMNS.index("lambda")] = [0, 0.5, 1, 0.3, 0, 0, 0, 1, 1, 0.2]
-    steps[:, STEP_COLUMNS.index("clipped")] = [
-        0,
-        0,
-        1,
-        0,
-        1,
-        0,
-        1,
-        1,
-        0,
-        0,
-    ]  # two episodes, of 5 steps and of 4; a run of one
-    runs = [
-        Run(Settings(episodes=2), 0, steps[:9], np.array([5, 4]), np.ones(2, bool), 0),
-        Run(Settings(episodes=1), 1, steps[9:], np.array([1]), np.ones(1, bool), 0),
-    ]
-    assert measures.resets(runs) == pytest.approx(
-        {
-            "reset to 0": 0.2,
-            "reset to 1": 0.2,
-            "as (7) gives it": 0.6,
-            "before the first reset of their episode": 0.4,
-        }
-    )
-
-
 def test_a_run_in_one_row_is_what_one_works_out_by_hand():
     steps = np.zeros((610, len(STEP_COLUMNS)))
     steps[:, STEP_COLUMNS.index("change")] = 0.5

@@ -14,16 +14,17 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from scipy.stats import norm
 
 import homing_lib.study.questions
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
 from homing_lib.study import bootstrap, choosing
-from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
+from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 
 FILE = DATA / "findings.json"
@@ -36,47 +37,54 @@ those of late steps of interquartile means, which tell of the typical robot. A r
 in its last five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of
 9,999 bootstrap samples, in which a seed brings all that it has done; of k comparisons that are judged together each is
 that of 1 - .05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else
-*fewer* or *more*, if it leaves out 1; else *undecided*."""
+*fewer* or *more*, if it leaves out 1; else *undecided*. A star marks what is judged together; it *tells* so
+small a ratio from 1 in 80 of 100 such studies."""
 
 
 class Comparison(NamedTuple):
     """One number of a finding: what it is, its interval, and the word that the interval allows ("" if none is asked).
 
-    judged: it is one of those that are judged together, and its interval is widened accordingly. f"{comparison:.2f}"
-    writes the interval."""
+    judged: of how many comparisons that are judged together it is one, its interval as wide as that asks; 0: beside.
+    f"{comparison:.2f}" writes the interval."""
 
     value: float
     low: float
     high: float
     word: str = ""
-    judged: bool = False
+    judged: int = 0
 
     @property
     def interval(self) -> Interval:
         """Without the word."""
         return Interval(self.value, self.low, self.high)
 
+    @property
+    def smallest_ratio(self) -> float:
+        """Of a judged ratio: what such an interval tells from 1, in 80 of 100 studies."""
+        bound = norm.ppf(1 - 0.025 / max(self.judged, 1))
+        return float(np.exp((bound + norm.ppf(0.8)) / (2 * bound) * np.log(self.high / self.low)))
+
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
 
 
-def of(found: Interval, word: str = "", *, judged: bool = False) -> Comparison:
+def of(found: Interval, word: str = "", *, judged: int = 0) -> Comparison:
     """A number with its word."""
-    return Comparison(*found, word, judged)
+    return Comparison(*found, word, int(judged))
 
 
 def steps(
-    ours: Array, theirs: Array, statistic: Statistic = mean, *, family: int = 1, judged: bool | None = None
+    ours: Array, theirs: Array, statistic: Statistic = mean, *, family: int = 1, judged: int | None = None
 ) -> Comparison:
     """Steps as a multiple of others', one number per robot, the same seeds in order; judged, if in a family."""
     found = bootstrap.ratio(ours, theirs, statistic, family)
-    return of(found, word_of(found), judged=family > 1 if judged is None else judged)
+    return of(found, word_of(found), judged=family * (family > 1) if judged is None else judged)
 
 
 def shares(ours: Array, theirs: Array, *, family: int = 1) -> Comparison:
     """By how much one share exceeds another; each robot's own, or whether it is so."""
     found = bootstrap.estimated(np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float), family=family)
-    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=family > 1)
+    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=family * (family > 1))
 
 
 def estimate(values: Array, statistic: Statistic = mean, *, family: int = 1) -> Comparison:
@@ -163,10 +171,6 @@ class Finding:
             raise KeyError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
         return self.comparisons[name]
 
-    def below(self, prefix: str) -> dict[str, Comparison]:
-        """Comparisons whose names begin so, by the rest of their names."""
-        return {name[len(prefix) :]: one for name, one in self.comparisons.items() if name.startswith(prefix)}
-
     def __str__(self) -> str:
         asked = self.question
         rows = [f"**{asked.text}** **{self.verdict}**", "", f"> *Predicate*: {asked.predicate}"]
@@ -185,7 +189,8 @@ def told(found: Finding) -> str:
     asked, rows = found.question, []
     for name, one in found.comparisons.items():
         digits = ".0f" if abs(one.value) >= 20 else ".2f"
-        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.word}".rstrip())
+        tells = f", tells {one.smallest_ratio:.2f}" if one.judged and one.word in get_args(Word) and one.low > 0 else ""
+        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.word}{tells}".rstrip())
     return "\n".join([f"{found.name}: {asked.text} {found.verdict}", f"  Predicate: {asked.predicate}", *rows])
 
 

@@ -25,18 +25,6 @@ def typical(result: Run, numbers: Sequence[int]) -> int:
     return sorted(numbers, key=lambda number: result.lengths[number - 1])[len(numbers) // 2]
 
 
-def resets(several: Sequence[Run]) -> dict[str, float]:
-    """Shares of all steps, by what became of their lambda; and of those before the first reset of an episode."""
-    lambda_, clipped = (np.concatenate([one.column(name) for one in several]) for name in ("lambda", "clipped"))
-    episodes = [part for one in several for part in np.split(one.column("clipped"), one.ended[:-1])]
-    return {
-        "reset to 0": ((lambda_ == 0) & (clipped > 0)).mean(),
-        "reset to 1": ((lambda_ == 1) & (clipped > 0)).mean(),
-        "as (7) gives it": (clipped == 0).mean(),
-        "before the first reset of their episode": np.concatenate([part.cumsum() == 0 for part in episodes]).mean(),
-    }
-
-
 CUT = 500  # steps of an episode, at most, where a single lost robot shall not decide
 
 
