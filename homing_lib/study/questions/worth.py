@@ -61,6 +61,9 @@ OTHERS = study("worth-rooms", "The same in five other rooms.", _added_up(*ROOMS[
 KINDS = ("learning on", "restored", "frozen", "climbing", "climb", "random")
 """Climbing: the frozen robot takes its best action, or, in a share of its steps, what the climb would."""
 
+EXTENDED = ("restored", "climbing")
+"""Those that are tried after the extension."""
+
 CLIMBING = 0.7
 """That share."""
 
@@ -94,8 +97,8 @@ def _trials(
     saved = agent.learner.weights.copy()
     now = settings.with_changes(max_steps=2000, start="room")
     with HomingEnv(now, observation="features", model=env.model) as world:
-        for number, name in enumerate(kinds):
-            rng = np.random.default_rng([seed, 5, number])
+        for name in kinds:
+            rng = np.random.default_rng([seed, 5, KINDS.index(name)])
             agent.rng = rng
             agent.begin_episode(settings.episodes + 1)
             agent.learner.weights[:] = saved
@@ -118,14 +121,15 @@ def placed(settings: Settings, seed: int) -> Columns:
     names = ("kind", "steps", "cut", "median", "soon", "home", "start_steps")
 
     def summed_up(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        trials = list(_trials(settings, env, agent, seed, KINDS))
-        for kind, name in enumerate(KINDS):
+        kinds = KINDS if settings.start == "room" else EXTENDED
+        trials = list(_trials(settings, env, agent, seed, kinds))
+        for name in kinds:
             taken, reached = np.array([(one[2], one[3]) for one in trials if one[0] == name], dtype=float).T
             everywhere, start = taken[:-5], taken[-5:]
             cut = np.minimum(everywhere, TRIAL_STEPS)
             soon = reached[:-5] * (everywhere <= TRIAL_STEPS)
             means = (everywhere.mean(), cut.mean(), np.median(everywhere), soon.mean(), reached[:-5].mean())
-            yield (float(kind), *map(float, means), float(start.mean()))
+            yield (float(KINDS.index(name)), *map(float, means), float(start.mean()))
 
     return rows_after(settings, seed, names, summed_up)
 
@@ -276,15 +280,16 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
                 found[f"{room}.{start}.{number}"] = steps(*pair, family=family)
             saved = climb[f"after_{AT[0]}"].to_numpy(float) - ours[f"after_{AT[0]}"].to_numpy(float)
             found[f"{room}.{start}.saved"] = estimate(saved)
-        for training, episodes in (("published", 20), ("extension", 100)):
-            kinds = {kind: of_kind(everywhere, kind, room, episodes=episodes) for kind in KINDS}
-            for kind, its in kinds.items():
+        climb = of_kind(everywhere, "climb", room, episodes=20)
+        for training, episodes, kinds in (("published", 20, KINDS), ("extension", 100, EXTENDED)):
+            for kind in kinds:
+                its = of_kind(everywhere, kind, room, episodes=episodes)
                 for column in ("steps", "cut", "median", "soon", "home", "start_steps"):
                     found[f"{room}.{training}.{kind}.{column}"] = estimate(_number(its, column))
                 if kind != "climb":
                     for column in ("steps", "start_steps"):
-                        pair = (_number(one, column) for one in (its, kinds["climb"]))
-                        found[f"{room}.{training}.{kind}.of climb.{column}"] = steps(*pair)
+                        ours, theirs = (_number(one, column) for one in (its, climb))
+                        found[f"{room}.{training}.{kind}.of climb.{column}"] = steps(ours, theirs)
     for room, table in zip(OWN_STEP_SIZE, own, strict=True):
         climb = rows(unlearnt, room=room, controller="climb").total.to_numpy(float)
         learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
