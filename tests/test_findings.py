@@ -170,10 +170,10 @@ def test_a_name_that_is_judged_elsewhere_is_refused(asked):
 
 def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
     ours, theirs = np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8])
-    assert findings.steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", False)
-    assert findings.steps(theirs, ours, family=3) == Comparison(2, 2, 2, "more", True)
-    assert findings.shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", False)
-    assert findings.shares([0.51] * 4, [0.5] * 4, family=2)[3:] == ("the same", 1)
+    assert findings.steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", 0)
+    assert findings.steps(theirs, ours, family=3) == Comparison(2, 2, 2, "more", 3)
+    assert findings.shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", 0)
+    assert findings.shares([0.51] * 4, [0.5] * 4, family=2)[3:] == ("the same", 2)
     assert findings.estimate([True, False]).value == 0.5
     assert [findings.bound(Interval(1, 0.9, 1.1), limit) for limit in (0.8, 0.9, 1.1, 1.2)] == [
         "above",
