@@ -301,7 +301,6 @@ def drive(steps):
         ({"restored": 50}, "both together"),
         ({"restored": 50, "forgetful": 50}, "the learning under way"),
         ({"restored": 50, "frozen": 50}, "the policy learnt"),
-        ({}, "neither"),
         ({"restored": 200}, "neither"),
     ],
 )

@@ -282,6 +282,7 @@ def coarse(tmp_path_factory):
         yield COARSE
 
 
+@pytest.mark.slow
 def test_no_episode_is_shorter_than_the_shortest_way(coarse):
     for seed in (1000, 1001):
         least = measures.shortest(coarse, seed)["steps"]

@@ -52,6 +52,7 @@ class Choice:
         self.first = Later(needs, first)
         self.second = Later([self.first], self._best_again)
         self._best = cache(lambda: self._ranked(self.second()))
+        self._table = cache(lambda: load_table(self.second()))
 
     def _best_again(self) -> Study:
         name, reason, seeds, measure = self._told
@@ -77,6 +78,6 @@ class Choice:
 
     def robots(self, like: Settings) -> Any:
         """Rows of the table of the second seeds, of what was chosen, seeds in order."""
-        table, chosen = load_table(self.second()), self.best(like)
+        table, chosen = self._table(), self.best(like)
         label = next(name for name, one in self.second().conditions.items() if one == chosen)
         return table[table.condition == label].sort_values("seed")

@@ -17,14 +17,13 @@ from types import ModuleType
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
-from scipy.stats import norm
 
 import homing_lib.study.questions
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
 from homing_lib.study import bootstrap, choosing
-from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, word_of
+from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, normal, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 
 FILE = DATA / "findings.json"
@@ -61,8 +60,8 @@ class Comparison(NamedTuple):
     @property
     def smallest_ratio(self) -> float:
         """Of a judged ratio: what such an interval tells from 1, in 80 of 100 studies."""
-        bound = norm.ppf(1 - 0.025 / max(self.judged, 1))
-        return float(np.exp((bound + norm.ppf(0.8)) / (2 * bound) * np.log(self.high / self.low)))
+        bound = normal(1 - 0.025 / max(self.judged, 1))
+        return float(np.exp((bound + normal(0.8)) / (2 * bound) * np.log(self.high / self.low)))
 
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
