@@ -176,7 +176,13 @@ def calibration_score(table: Any) -> Any:
     table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
     """
     late = table[table.episode > 10]
-    return late.steps.astype(float).groupby(late.condition.astype(str)).mean().sort_values(kind="stable")
+    return (
+        late.steps.astype(float)
+        .fillna(Settings().max_steps)
+        .groupby(late.condition.astype(str))
+        .mean()
+        .sort_values(kind="stable")
+    )
 
 
 @later(CALIBRATION)
