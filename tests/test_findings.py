@@ -88,7 +88,7 @@ def test_a_question_is_judged_stored_and_read_back(asked):
     assert module.JUDGED == [12, 12]
     assert findings.verdicts() == {"flies": "yes", "flies.of b": "the same", "C2": "by construction"}
     assert findings.table(["flies"]).splitlines()[-1] == "| flies | Does it fly? | **yes** |"
-    told = findings.told(found).splitlines()
+    told = findings.as_text(found).splitlines()
     assert told[:2] == ["flies: Does it fly? yes", "  Predicate: Yes, if it takes ten steps."]
     assert [line.split() for line in told[2:]] == [
         ["*", "of", "b", "1.00", "[1.00,", "1.00]", "the", "same,", "tells", "1.00"],

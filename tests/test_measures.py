@@ -123,7 +123,7 @@ def test_trials_are_summed_up_as_one_works_out_by_hand():
     nrb = [0.1, 0.2, 0.1, 0.2, 0.3, 0.4]
     home_at_once = path(action=[0, 1, 1, 1, 2, 2], similarity=nrb, at_wall=[0, 0, 0, 0, 0, 1])
     stuck = path(action=np.r_[np.zeros(1000), [1] * 700, [2] * 300], x=np.r_[np.zeros(1500), np.ones(500)])
-    steps, cut, reached, up, down, walls, one_action, spread, stuck_at_wall = drives._told(
+    steps, cut, reached, up, down, walls, one_action, spread, stuck_at_wall = drives._summed_up(
         [(home_at_once, True), (stuck, False)]
     )
     assert (steps, cut, reached) == ((6 + 2000) / 2, (6 + 300) / 2, 0.5)

@@ -285,11 +285,7 @@ def nothing_to_choose(monkeypatch):
 
 def drive(steps):
     """What is judged, of robots that take so many steps, by room."""
-    by_rule = labelled(
-        drives._as_after(varying.chosen("paper", update, rule))
-        for update in varying.UPDATES
-        for rule in (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
-    )
+    by_rule = labelled(drives._with_rule(update, rule) for update in varying.UPDATES for rule in drives.RULES)
     others = (drives.PAPER, drives.IN_ROOMS, drives.SLIP, drives.CAMERA)
     tables = [tried(one.conditions, lambda settings: steps.get(settings.room, steps["paper"])) for one in others]
     return judged("drives", *tables, *(tried(one, lambda _: {}) for one in (by_rule, drives.BY_START.conditions)))
@@ -319,7 +315,7 @@ def test_drives_it_depends_on_the_room_if_one_is_otherwise_or_leaves_it_open(not
 def test_drives_a_robot_that_diverged_counts_as_one_that_never_comes_home():
     of = tried(drives.SLIP.conditions, lambda _: {})
     of.loc[of.seed == 3, ["kind", "steps", "cut", "home"]] = np.nan
-    robots = drives.of_kind(of, "frozen")
+    robots = drives.trials(of, "frozen")
     assert list(robots.index) == list(range(SEEDS))
     assert (drives.taken(robots)[3], drives.taken(robots, 300)[3]) == (2000, 300)
     assert drives.compared(of, "here")["here.frozen.home"].value == (SEEDS - 1) / SEEDS
@@ -486,8 +482,8 @@ def test_c8_almost_anywhere_is_95_per_cent_of_the_trials(steps, verdict):
 def test_who_diverged_never_comes_home():
     of = everywhere()
     of.loc[of.seed == 3, ["kind", "steps", "soon"]] = np.nan
-    robots = worth.of_kind(of, "frozen", "paper", episodes=20)
-    assert [worth._number(robots, name)[3] for name in ("steps", "cut", "soon")] == [2000, 300, 0]
+    its = [worth.tried(of, name, "frozen", "paper", episodes=20)[3] for name in ("steps", "cut", "soon")]
+    assert its == [2000, 300, 0]
 
 
 @pytest.mark.parametrize(

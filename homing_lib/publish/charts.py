@@ -77,8 +77,8 @@ def _key(figure: Figure, series: Mapping[str, str], words: set[str]) -> None:
     handles = [Line2D([], [], color=colour, marker="o", markersize=4.5, label=name) for name, colour in series.items()]
     for word, (marker, full) in SHAPES.items():
         if word in words:
-            mark: dict[str, Any] = {"marker": marker, "color": INK, "markerfacecolor": INK if full else "white"}
-            handles.append(Line2D([], [], linestyle="", markersize=4.5, label=word, **mark))
+            look: dict[str, Any] = {"marker": marker, "color": INK, "markerfacecolor": INK if full else "white"}
+            handles.append(Line2D([], [], linestyle="", markersize=4.5, label=word, **look))
     if handles:
         options: dict[str, Any] = {"loc": "outside upper left", "ncols": min(len(handles), 6), "frameon": False}
         figure.legend(handles=handles, handlelength=1.6, columnspacing=1.2, **options)

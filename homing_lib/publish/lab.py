@@ -457,7 +457,7 @@ def tried(seeds: range = range(200)) -> dict[str, Array]:
     settings = what_drives.after(what_drives.JUDGED_AFTER, images="compact")
     each = engine.side_by_side(lambda seed: what_drives.tried(settings, seed), seeds, [])
     found = pd.concat([pd.DataFrame(one).assign(seed=seed) for seed, one in zip(seeds, each, strict=True)])
-    return {kind: what_drives.taken(what_drives.of_kind(found, kind)) for kind in what_drives.KINDS}
+    return {kind: what_drives.taken(what_drives.trials(found, kind)) for kind in what_drives.KINDS}
 
 
 def four_ways(found: Mapping[str, Array]) -> str:

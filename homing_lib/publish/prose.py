@@ -56,8 +56,14 @@ def refreshed(text: str) -> str:
 
 def macros(sources: Mapping[str, str]) -> dict[str, str]:
     """What \\num needs for the numbers that some LaTeX sources name: the text of each."""
-    names = {" ".join(name.split()) for text in sources.values() for name in _IN_TEX.findall(text)}
-    return {name: tex(number(name)) for name in sorted(names)}
+    names = sorted({name for text in sources.values() for name in _quoted(text)})
+    return {name: tex(number(name)) for name in names}
+
+
+def _quoted(text: str) -> tuple[str, ...]:
+    """The names of the numbers in a text, of Markdown or LaTeX."""
+    found = (*(name for name, _ in _MARKED.findall(text)), *_IN_TEX.findall(text))
+    return tuple(" ".join(name.split()) for name in found)
 
 
 class Paragraph(NamedTuple):
@@ -88,9 +94,9 @@ def _of_text(where: str, text: str) -> Iterator[Paragraph]:
                 if not equals:
                     raise UserError(f"{where}: pin {pin.strip()!r} must be a verdict's name, =, and its word")
                 pins[key] = word
-        quoted = (*(name for name, _ in _MARKED.findall(part)), *_IN_TEX.findall(part))
+        quoted = _quoted(part)
         if pins or quoted:
-            yield Paragraph(where, part, pins, tuple(" ".join(name.split()) for name in quoted))
+            yield Paragraph(where, part, pins, quoted)
 
 
 def broken(words: Mapping[str, str] | None = None) -> list[str]:

@@ -104,7 +104,7 @@ def summary() -> str:
 def judged(names: Sequence[str] = ()) -> str:
     """Questions and claims, by their names or all: verdict, predicate and every number, as plain text."""
     found = [findings.finding(name) for name in names or findings.stored()]
-    return _paragraphs([findings.HOW]) + "\n\n" + "\n\n".join(map(findings.told, found))
+    return _paragraphs([findings.HOW]) + "\n\n" + "\n\n".join(map(findings.as_text, found))
 
 
 def misprints() -> str:

@@ -51,8 +51,10 @@ def draws(robots: int) -> Array:
 def bootstrap(estimate: Callable[[Array], Array], robots: int, family: int = 1) -> Interval:
     """Of anything that is estimated from robots. estimate: takes how often each is drawn, shape (k, robots), and
     returns k numbers. family: how many comparisons are judged together. One robot says nothing of how robots differ:
-    its ends are NaN.
+    its ends are NaN; of no robot all is NaN.
     """
+    if robots == 0:
+        return Interval(np.nan, np.nan, np.nan)
     value = float(estimate(np.ones((1, robots)))[0])
     if robots < 2:
         return Interval(value, np.nan, np.nan)
@@ -109,10 +111,14 @@ def word_of(found: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal
     return "fewer" if found.high < equal else "more" if found.low > equal else "undecided"
 
 
+def tells(error: float, family: int = 1) -> float:
+    """The ratio that a study tells from 1, in 80 of 100 such studies, by the standard error of its logarithm."""
+    return float(np.exp((normal(1 - 0.025 / family) + normal(0.8)) * error))
+
+
 def smallest_ratio(ours: Array, theirs: Array, robots: int, family: int = 1) -> float:
-    """The ratio of means that so many robots can tell from 1, in 80 of 100 studies, by how other robots differ.
+    """The ratio of means that so many robots tell from 1, by how other robots differ.
 
     ours, theirs: steps of those others, one per robot, seeds in order. family: as in `bootstrap`.
     """
-    spread = np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots)
-    return float(np.exp((normal(1 - 0.025 / family) + normal(0.8)) * spread))
+    return tells(np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots), family)

@@ -11,7 +11,7 @@ from typing import Any
 from homing_lib.settings import Settings
 from homing_lib.study.measures import totals
 from homing_lib.study.runs import Measure, Study, load_table
-from homing_lib.study.studies import CHOOSE, THEN, Later, labelled
+from homing_lib.study.studies import CHOOSE, THEN, Later, labelled, rows
 
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
 """A factor of some 3 apart. No rule chose the first or the last in any room."""
@@ -43,22 +43,21 @@ class Choice:
         then: Sequence[int] = THEN,
         needs: Sequence[Any] = (),
     ) -> None:
-        self._group, self._keep, self._told = group, keep, (name, reason, then, measure)
+        self._group = group
 
         def first() -> Study:
             of = candidates() if callable(candidates) else candidates
             return Study(name, f"{reason} All candidates.", labelled(of), seeds, measure)
 
+        def second() -> Study:
+            best = [settings for group in self._ranked(self.first()).values() for settings, _ in group[:keep]]
+            again = f"{reason} The best {keep} of each in `{name}`, on further seeds."
+            return Study(f"{name}-best", again, labelled(best), then, measure)
+
         self.first = Later(needs, first)
-        self.second = Later([self.first], self._best_again)
+        self.second = Later([self.first], second)
         self._best = cache(lambda: self._ranked(self.second()))
         self._table = cache(lambda: load_table(self.second()))
-
-    def _best_again(self) -> Study:
-        name, reason, seeds, measure = self._told
-        best = [settings for group in self._ranked(self.first()).values() for settings, _ in group[: self._keep]]
-        told = f"{reason} The best {self._keep} of each in `{name}`, on further seeds."
-        return Study(f"{name}-best", told, labelled(best), seeds, measure)
 
     def _ranked(self, of: Study) -> dict[Any, list[tuple[Settings, float]]]:
         """Of each group, settings and scores, best first."""
@@ -78,6 +77,5 @@ class Choice:
 
     def robots(self, like: Settings) -> Any:
         """Rows of the table of the second seeds, of what was chosen, seeds in order."""
-        table, chosen = self._table(), self.best(like)
-        label = next(name for name, one in self.second().conditions.items() if one == chosen)
-        return table[table.condition == label].sort_values("seed")
+        chosen = self.best(like)
+        return rows(self._table(), condition=next(k for k, one in self.second().conditions.items() if one == chosen))

@@ -7,24 +7,22 @@ file in `questions/`.
 
 import hashlib
 import json
-import pkgutil
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-import homing_lib.study.questions
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
-from homing_lib.study import bootstrap, choosing
-from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, normal, word_of
+from homing_lib.study import bootstrap, choosing, measures, studies
+from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
+from homing_lib.study.studies import load_questions
 
 FILE = DATA / "findings.json"
 
@@ -60,8 +58,8 @@ class Comparison(NamedTuple):
     @property
     def smallest_ratio(self) -> float:
         """Of a judged ratio: what such an interval tells from 1, in 80 of 100 studies."""
-        bound = normal(1 - 0.025 / max(self.judged, 1))
-        return float(np.exp((bound + normal(0.8)) / (2 * bound) * np.log(self.high / self.low)))
+        family = max(self.judged, 1)
+        return bootstrap.tells(np.log(self.high / self.low) / 2 / bootstrap.normal(1 - 0.025 / family), family)
 
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
@@ -94,6 +92,11 @@ def estimate(values: Array, statistic: Statistic = mean, *, family: int = 1) -> 
 def bound(found: Interval, limit: float) -> str:
     """Whether a number lies, with its whole interval, "above" or "below" a limit; else "undecided"."""
     return "above" if found.low > limit else "below" if found.high < limit else "undecided"
+
+
+def claim(word: str, supports: tuple[str, ...], contradicts: tuple[str, ...]) -> str:
+    """What becomes of a claim that rests on one comparison, by its word."""
+    return "supported" if word in supports else "contradicted" if word in contradicts else "inconclusive"
 
 
 Judged = tuple[str, Mapping[str, Comparison]]
@@ -136,8 +139,7 @@ def question(name: str, text: str, predicate: str, *studies: Any) -> Callable[[C
 
 def questions() -> dict[str, Question]:
     """All questions, in the order of the article, then the claims by number, in whichever file they stand."""
-    for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
-        import_module(f"homing_lib.study.questions.{module.name}")
+    load_questions()
     return {name: one for name, one in sorted(_QUESTIONS.items(), key=lambda item: _place(item[1]))}
 
 
@@ -182,7 +184,7 @@ def table(which: Iterable[str]) -> str:
     return "\n".join(["| | | |", "|---|---|---|", *rows])
 
 
-def told(found: Finding) -> str:
+def as_text(found: Finding) -> str:
     """A finding as plain text: verdict, predicate, and every comparison with its word; those that are
     judged together are starred."""
     asked, rows = found.question, []
@@ -197,15 +199,15 @@ def judge(name: str) -> Finding:
     """Judge anew, from the stored tables. Raises UserError if they are not sound."""
     asked = questions()[name]
     verdict, comparisons = asked.judge(*map(load_table, asked.tables))
-    return Finding(name, verdict, {key: Comparison(*one) for key, one in comparisons.items()})
+    return Finding(name, verdict, dict(comparisons))
 
 
 def _made_from(asked: Question) -> str:
-    """A hash of what a finding depends on: its tables and those that chose for it, its judge, and what judges use."""
+    """A hash of what a finding depends on: its tables and those that chose for it, all judges, and what judges use."""
     found = hashlib.sha256(fingerprint(_with_choices(asked.studies).values()).encode())
-    modules = {*_questions_used(asked.judge.__module__), bootstrap.__name__, choosing.__name__, __name__}
-    for name in sorted(modules):
-        found.update(Path(str(import_module(name).__file__)).read_bytes())
+    names = (__name__, asked.judge.__module__, *(one.__name__ for one in (bootstrap, choosing, measures, studies)))
+    for file in (*load_questions(), *(Path(str(sys.modules[name].__file__)) for name in names)):
+        found.update(file.read_bytes())
     return found.hexdigest()[:16]
 
 
@@ -216,20 +218,6 @@ def _with_choices(studies: Iterable[Any]) -> dict[str, Study]:
         made = one if isinstance(one, Study) else one()
         found |= {made.name: made} | _with_choices(getattr(one, "needs", ()))
     return dict(sorted(found.items()))
-
-
-def _questions_used(module: str, found: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The files of questions from which this one takes something, by their modules' names, itself too."""
-    found |= {module}
-    for one in vars(import_module(module)).values():
-        other = getattr(one, "__name__" if isinstance(one, ModuleType) else "__module__", None)
-        if (
-            isinstance(other, str)
-            and other.startswith(homing_lib.study.questions.__name__ + ".")
-            and other not in found
-        ):
-            found = _questions_used(other, found)
-    return found
 
 
 def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None:
@@ -270,7 +258,6 @@ def _stored() -> dict[str, Any]:
     try:
         found = json.loads(read_bytes(FILE))
         for entry in found.values():
-            {key: Comparison(*one) for key, one in entry["comparisons"].items()}
             if entry["checksum"] != _checksum(entry):
                 raise ValueError("its content is not what was found")
     except FileNotFoundError:

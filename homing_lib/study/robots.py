@@ -5,10 +5,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from homing_lib.agent import RandomAgent, SarsaAgent
+from homing_lib.agent import ClimbingAgent, RandomAgent, SarsaAgent
 from homing_lib.environment import HomingEnv
 from homing_lib.features import Array, similarity
 from homing_lib.rooms import Pose
+from homing_lib.settings import Settings
+
+CLIMBING = 0.7
+"""In which share of its steps a robot that is guided by the climb does what the climb would."""
 
 
 class FrozenAgent(RandomAgent):
@@ -66,6 +70,30 @@ class ClimbGuidedAgent(RandomAgent):
         elif seen <= before:
             self._action = (self._action + 1 + int(self.rng.integers(2))) % 3
         return self._action
+
+
+def driver(kind: str, agent: SarsaAgent, settings: Settings, weights: Array, rng: np.random.Generator) -> Any:
+    """Who drives in trials after a training, with these weights, shape (3n,), the rates of the episode that comes next
+    and its own randomness: "learning on"; "restored" for each trial, or "forgetful", if the weights are the initial
+    ones; "frozen", "greedy", or "untrained"; "climbing", which the climb guides; "climb"; "random".
+    """
+    agent.rng = rng
+    agent.begin_episode(settings.episodes + 1)
+    agent.learner.weights[:] = weights
+    match kind:
+        case "learning on":
+            return agent
+        case "restored" | "forgetful":
+            return RestoredAgent(agent)
+        case "frozen" | "greedy" | "untrained":
+            return FrozenAgent(agent, greedy=kind == "greedy")
+        case "climbing":
+            return ClimbGuidedAgent(agent, CLIMBING, rng)
+        case "climb":
+            return ClimbingAgent(settings, rng)
+        case "random":
+            return RandomAgent(settings, rng)
+    raise ValueError(kind)
 
 
 class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -5,21 +5,21 @@ of `Settings`. Here stand the headline, those two, the lattices, and who does no
 question that they answer (`questions/`).
 """
 
-import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.measures import curve, totals, views
 from homing_lib.study.runs import DATA, Measure, Study, load_table
 
-JUDGED = range(1000, 1005)
-"""Of the five headline runs."""
+HEADLINE_SEEDS = range(1000, 1005)
 
 CHOOSE, THEN = range(20), range(20, 100)
 """For choices: all candidates drive with the first, the best of them with the others."""
@@ -74,31 +74,30 @@ def labelled(conditions: Iterable[Settings]) -> dict[str, Settings]:
     }
 
 
-UNLEARNT = study(
-    "unlearnt",
-    "How many steps do random actions take in each room, and the climb? Who takes more than random actions in its last "
-    "five episodes is lost.",
-    labelled(
-        Settings(images="atlas", room=room, controller=controller)
-        for room in ROOMS
-        for controller in ("random", "climb")
-    ),
-    ROOM_ROBOTS,
-    totals,
-)
-
-
-def rows(table: Any, **settings: Any) -> Any:
-    """Rows of a study's table with these settings, seeds in order. What does not vary in it is no column, and holds."""
-    for name, value in settings.items():
-        if name in table:
-            table = table[table[name] == value]
+def rows(table: Any, like: Settings | None = None, **values: Any) -> Any:
+    """Rows of a study's table with the settings of `like`, and with these values, seeds in order. What does not vary
+    among the conditions of a study is no column, and holds.
+    """
+    wanted = {name: value for name, value in ({**dict(like or {}), **values}).items() if name in table}
+    for name, value in wanted.items():
+        table = table[table[name] == value]
     if table.empty:
-        raise ValueError(f"no runs with {settings}")
+        raise ValueError(f"no runs with {wanted}")
     return table.sort_values("seed", kind="stable")
 
 
-# --- What is judged --------------------------------------------------------------------------------------------------
+def column(table: Any, name: str, **values: Any) -> Array:
+    """A column of those rows, one number per robot."""
+    return np.asarray(rows(table, **values)[name].to_numpy(float))
+
+
+def of_kind(table: Any, kind: int, **values: Any) -> Any:
+    """Of a table of trials, those of a kind, one row per robot. A run that diverged has none, and here no numbers."""
+    here = rows(table, **values)
+    return here[here.kind == kind].set_index("seed").reindex(np.sort(here.seed.unique()))
+
+
+# --- The headline, the lattices, and who does not learn --------------------------------------------------------------
 
 _CAMERA = Settings()
 _ATLAS = Settings(images="atlas")
@@ -108,7 +107,7 @@ HEADLINE = study(
     "headline",
     "Five runs of twenty episodes as the paper reports them, every step kept, and five of uniformly random actions.",
     {"form 2": _CAMERA, "random": _CAMERA.with_changes(controller="random")},
-    JUDGED,
+    HEADLINE_SEEDS,
 )
 
 LATTICES = {
@@ -130,8 +129,21 @@ LATTICE_VIEWS = study(
     "lattice-views",
     "How far does the similarity that an atlas gives stand from the camera's, at random poses?",
     LATTICES,
-    range(1000, 1005),
+    HEADLINE_SEEDS,
     views,
+)
+
+UNLEARNT = study(
+    "unlearnt",
+    "How many steps do random actions take in each room, and the climb? Who takes more than random actions in its last "
+    "five episodes is lost.",
+    labelled(
+        Settings(images="atlas", room=room, controller=controller)
+        for room in ROOMS
+        for controller in ("random", "climb")
+    ),
+    ROOM_ROBOTS,
+    totals,
 )
 
 # --- Calibration, on seeds that nothing is judged by -----------------------------------------------------------------
@@ -198,12 +210,18 @@ def finalists() -> Study:
     )
 
 
+def load_questions() -> list[Path]:
+    """Import all files of `questions/`, whose studies and judges are then listed; the files."""
+    folder = Path(__file__).parent / "questions"
+    files = sorted(folder.glob("[!_]*.py"))
+    for file in files:
+        import_module(f"homing_lib.study.questions.{file.stem}")
+    return files
+
+
 def in_order() -> Iterator[Study]:
     """All studies, in whichever file they stand, each after those that it needs."""
-    import homing_lib.study.questions
-
-    for module in pkgutil.iter_modules(homing_lib.study.questions.__path__):
-        import_module(f"homing_lib.study.questions.{module.name}")
+    load_questions()
     listed = [_LISTED[name] for name in sorted(_LISTED)]  # whichever module was imported first
     order = TopologicalSorter({one: one.needs if isinstance(one, Later) else () for one in listed})
     return (one() if isinstance(one, Later) else one for one in order.static_order())
@@ -216,8 +234,9 @@ def page() -> str:
     """That page, in Markdown: of each study the reason, the seeds, what is kept, and the settings of its conditions."""
     parts = [
         "# The studies",
-        "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py). A condition is "
-        "the default settings (`homing settings`), changed as stated.",
+        "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py) and the files in "
+        "[`homing_lib/study/questions`](../homing_lib/study/questions). A condition is the default settings (`homing "
+        "settings`), changed as stated.",
     ]
     for one in in_order():
         seeds = f"{min(one.seeds)} to {max(one.seeds)}"

@@ -8,11 +8,11 @@ from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, of, question, steps
+from homing_lib.study.findings import Comparison, Judged, claim, of, question, steps
 from homing_lib.study.measures import WINDOW, curve, totals
 from homing_lib.study.questions import learns, varying
 from homing_lib.study.runs import Columns, by_episode, episodes_of
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, rows, study
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, column, rows, study
 
 _ATLAS = Settings(images="atlas")
 
@@ -66,24 +66,13 @@ EARLIER = study(
 )
 
 
-def column(table: Any, condition: str, name: str = "total") -> Array:
-    """One number per robot, seeds in order."""
-    found: Array = table[table.condition == condition].sort_values("seed")[name].to_numpy(float)
-    return found
-
-
-def verdict(word: str, supports: tuple[str, ...], contradicts: tuple[str, ...]) -> str:
-    """One of three words, by that of a comparison."""
-    return "supported" if word in supports else "contradicted" if word in contradicts else "inconclusive"
-
-
 @question(
     "C2",
     "A conjugate lambda is better than fixed ones, or comparable: in steps, parameter change and time.",
     """Learning on, in the paper's room, under its update, form 2 against the best fixed lambda, both at their own best
     step size: late steps (interquartile means), total steps, which are its time, and parameter change (k = 3).
     Supported, if each is the same or fewer; contradicted, if one is more; else inconclusive.""",
-    varying.JUDGED,
+    varying.in_paper,
 )
 def conjugate_lambda(table: Any) -> Judged:
     """Three numbers."""
@@ -172,6 +161,11 @@ def _correlation(many: Array, x: Array) -> Array:
     return np.asarray(np.divide(centred @ x, spread, out=np.zeros(len(many)), where=spread > 0))
 
 
+def _of_ours(table: Any, name: str, condition: str, **how: Any) -> Comparison:
+    """A column of `PARTS` where one is taken away, as a multiple of ours."""
+    return steps(column(table, name, condition=condition), column(table, name, condition="ours"), **how)
+
+
 @question(
     "C12",
     "A wall penalty, with learning at walls, reduces wall following.",
@@ -182,10 +176,7 @@ def _correlation(many: Array, x: Array) -> Array:
 )
 def wall_penalty(table: Any) -> Judged:
     """Two parts."""
-    found = {
-        name: steps(column(table, name, "at_wall"), column(table, "ours", "at_wall"), family=2)
-        for name in ("no learning at walls", "no wall penalty")
-    }
+    found = {name: _of_ours(table, "at_wall", name, family=2) for name in ("no learning at walls", "no wall penalty")}
     words = [one.word for one in found.values()]
     if {"the same", "fewer"} & {*words}:
         return "contradicted", found
@@ -202,9 +193,9 @@ def wall_penalty(table: Any) -> Judged:
 def one_snapshot(table: Any) -> Judged:
     """Three at either step size."""
     names = ("three snapshots", "three snapshots, a third of the step")
-    found = {name: steps(column(table, name), column(table, "ours"), judged=True) for name in names}
+    found = {name: _of_ours(table, "total", name, judged=True) for name in names}
     best = min(found.values(), key=lambda one: one.value)
-    return verdict(best.word, ("more",), ("the same", "fewer")), found
+    return claim(best.word, ("more",), ("the same", "fewer")), found
 
 
 @question(
@@ -217,8 +208,8 @@ def one_snapshot(table: Any) -> Judged:
 def falling_cost(table: Any) -> Judged:
     """Against a constant one."""
     names = ("constant cost", "no approach reward")
-    found = {name: steps(column(table, name), column(table, "ours"), judged=name == names[0]) for name in names}
-    return verdict(found["constant cost"].word, ("more",), ("the same", "fewer")), found
+    found = {name: _of_ours(table, "total", name, judged=name == names[0]) for name in names}
+    return claim(found["constant cost"].word, ("more",), ("the same", "fewer")), found
 
 
 @question(

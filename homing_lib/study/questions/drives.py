@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import STEP_COLUMNS, ClimbingAgent, RandomAgent
+from homing_lib.agent import STEP_COLUMNS
 from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
 from homing_lib.settings import Settings
@@ -20,9 +20,9 @@ from homing_lib.study.engine import run_episode
 from homing_lib.study.findings import Comparison, Judged, estimate, question, shares, steps
 from homing_lib.study.measures import TRIAL_STEPS, rows_after
 from homing_lib.study.questions import varying
-from homing_lib.study.robots import FrozenAgent, RestoredAgent
+from homing_lib.study.robots import driver
 from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, rows, study
+from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, of_kind, study
 from homing_lib.thresholds import stopping_thresholds
 
 AFTER = (5, 10, 20)
@@ -71,30 +71,20 @@ def tried(settings: Settings, seed: int) -> Columns:
                 if name == "greedy" and settings.images == "camera":
                     continue  # it would drive for most of the time, and is not asked about
                 rng = np.random.default_rng([seed, 6, kind])
-                agent.rng = rng
-                agent.begin_episode(settings.episodes + 1)
-                agent.learner.weights[:] = initial if name in ("forgetful", "untrained") else saved
-                driver = _driver(name, agent, settings, rng)
+                weights = initial if name in ("forgetful", "untrained") else saved
+                robot = driver(name, agent, settings, weights, rng)
                 world.reset(seed=seed)
                 each = []
                 for _ in range(trials):
-                    driver.begin_episode(settings.episodes + 1)
-                    each.append(run_episode(world, driver))
-                yield (float(kind), *_told(each))
+                    robot.begin_episode(settings.episodes + 1)
+                    each.append(run_episode(world, robot))
+                yield (float(kind), *_summed_up(each))
             agent.learner.weights[:] = saved
 
     return rows_after(settings, seed, names, trials_of)
 
 
-def _driver(kind: str, agent: Any, settings: Settings, rng: np.random.Generator) -> Any:
-    if kind in ("climb", "random"):
-        return (ClimbingAgent if kind == "climb" else RandomAgent)(settings, rng)
-    if kind in ("restored", "forgetful"):
-        return RestoredAgent(agent)
-    return agent if kind == "learning on" else FrozenAgent(agent, greedy=kind == "greedy")
-
-
-def _told(trials: list[tuple[Array, bool]]) -> tuple[float, ...]:
+def _summed_up(trials: list[tuple[Array, bool]]) -> tuple[float, ...]:
     lengths = np.array([len(path) for path, _ in trials], dtype=float)
     action, similarity, at_wall = (STEP_COLUMNS.index(name) for name in ("action", "similarity", "at_wall"))
     again, rose = [], []
@@ -155,25 +145,25 @@ CAMERA = study(
 )
 
 
+RULES = (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
+
+
+def _with_rule(update: str, rule: str) -> Settings:
+    short = after(JUDGED_AFTER)
+    changes = {"episodes": short.episodes, "first_episode_share": short.first_episode_share}
+    return varying.chosen("paper", update, rule).with_changes(**changes)
+
+
 @later(varying.CHOICE.second)
-def BY_RULE() -> Study:
+def other_rules() -> Study:
     """Other rules of lambda."""
     return Study(
         "drives-rules",
         "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
-        labelled(
-            _as_after(varying.chosen("paper", update, rule))
-            for update in varying.UPDATES
-            for rule in (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
-        ),
+        labelled(_with_rule(update, rule) for update in varying.UPDATES for rule in RULES),
         ROOM_ROBOTS,
         tried,
     )
-
-
-def _as_after(settings: Settings) -> Settings:
-    short = after(JUDGED_AFTER)
-    return settings.with_changes(episodes=short.episodes, first_episode_share=short.first_episode_share)
 
 
 WORTH = round(Settings().n_features * stopping_thresholds(Settings().multiplier).upper, 1)
@@ -207,15 +197,13 @@ BY_START = study(
 )
 
 
-def of_kind(table: Any, kind: str, **settings: Any) -> Any:
-    """One row per robot. A run that diverged has none, and counts as one that never comes home."""
-    here = rows(table, **settings)
-    seeds = np.sort(here.seed.unique())
-    return here[here.kind == KINDS.index(kind)].set_index("seed").reindex(seeds)
+def trials(table: Any, kind: str, **values: Any) -> Any:
+    """Trials of a kind, a row for each robot, of the rows of a table with these values."""
+    return of_kind(table, KINDS.index(kind), **values)
 
 
 def taken(robots: Any, cap: int = CAPS[-1]) -> Array:
-    """Steps of a trial, at most so many, one number per robot."""
+    """Steps of a trial, at most so many, one number per robot; one that diverged never comes home."""
     column = "steps" if cap == CAPS[-1] else "cut"
     return np.asarray(robots[column].fillna(cap).to_numpy(float))
 
@@ -226,11 +214,11 @@ PAIRS = {"restored.frozen": ("restored", "frozen"), "restored.forgetful": ("rest
 BESIDE = {"frozen.random": ("frozen", "random"), "frozen.untrained": ("frozen", "untrained")}
 
 
-def compared(table: Any, name: str, family: int = 1, **settings: Any) -> dict[str, Comparison]:
+def compared(table: Any, name: str, family: int = 1, **values: Any) -> dict[str, Comparison]:
     """Trials of each kind, and the pairs, at both caps."""
     found: dict[str, Comparison] = {}
     tried_here = {KINDS[int(kind)] for kind in table.kind.dropna().unique()}
-    kinds = {kind: of_kind(table, kind, **settings) for kind in KINDS if kind in tried_here}
+    kinds = {kind: trials(table, kind, **values) for kind in KINDS if kind in tried_here}
     for cap in CAPS:
         for pair, (ours, theirs) in (PAIRS | BESIDE).items():
             k = family if pair in PAIRS else 1
@@ -262,13 +250,13 @@ VERDICTS = {
     takes fewer than the forgetful one; at caps of 300 and of 2,000 steps a trial (k = 24: six rooms, two pairs, two
     caps). The verdict: "both together", if in each room and at each cap both are; "the learning under way", if only it
     is, everywhere; "the policy learnt", likewise; "neither", if neither is anywhere; else "it depends on the room".
-    Beside it: the camera,
-    slipping wheels, other rules of lambda, other numbers of episodes, other rewards and start values.""",
+    Beside it: the camera, slipping wheels, other rules of lambda, other numbers of episodes, other rewards and start
+    values.""",
     PAPER,
     IN_ROOMS,
     SLIP,
     CAMERA,
-    BY_RULE,
+    other_rules,
     BY_START,
 )
 def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_start: Any) -> Judged:
@@ -285,21 +273,18 @@ def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_sta
     found |= compared(slip, "slip")
     found |= compared(camera, "camera")
     for update in varying.UPDATES:
-        for rule in (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9"):
-            like = varying.chosen("paper", update, rule)
+        for rule in RULES:
             name = f"{update}.{rule.replace(varying.FORM_2, 'form2').replace(':', '')}"
-            found |= compared(by_rule, name, lambda_rule=like.lambda_rule, update=like.update, alpha0=like.alpha0)
+            found |= compared(by_rule, name, like=_with_rule(update, rule))
     as_is: Any = None
     for name, changes in START.items():
         wanted = after(20, **changes)
-        varied = ("theta0", "bootstrap_terminal", "reward_scale", "step_cost", "terminal_bonus")
-        here = {one: getattr(wanted, one) for one in varied}
-        found |= compared(by_start, name, **here)
-        restored = of_kind(by_start, "restored", **here)
+        found |= compared(by_start, name, like=wanted)
+        restored = trials(by_start, "restored", like=wanted)
         as_is = restored if name == "as is" else as_is
         found[f"{name}.of as is"] = steps(taken(restored), taken(as_is))
     for kind in ("restored", "frozen", "greedy", "climb"):
-        its = of_kind(paper, kind, episodes=JUDGED_AFTER)
+        its = trials(paper, kind, episodes=JUDGED_AFTER)
         for column in ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall"):
             found[f"why.{kind}.{column}"] = estimate(its[column].dropna())
     return verdict, found

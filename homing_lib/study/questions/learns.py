@@ -10,15 +10,16 @@ from homing_lib.robot import wrapped
 from homing_lib.rooms import Box, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
-from homing_lib.study.findings import Judged, bound, estimate, of, question, steps
+from homing_lib.study.findings import Judged, bound, claim, estimate, of, question, steps
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW, curve, shortest
 from homing_lib.study.runs import episodes_of
 from homing_lib.study.studies import (
     CAMERA_ROBOTS,
-    JUDGED,
+    HEADLINE_SEEDS,
     ROBOTS,
     ROOMS,
     UNLEARNT,
+    column,
     labelled,
     rows,
     study,
@@ -46,7 +47,7 @@ SHORTEST = study(
     "shortest",
     "The least number of steps that the robot's actions allow.",
     labelled(Settings(images="atlas", room=room) for room in ROOMS),
-    JUDGED,
+    HEADLINE_SEEDS,
     shortest,
 )
 
@@ -72,7 +73,7 @@ def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     """With the camera and on the atlas."""
     found = {}
     random, climb = (
-        rows(unlearnt, room="paper", controller=controller).late.to_numpy(float) for controller in ("random", "climb")
+        column(unlearnt, "late", room="paper", controller=controller) for controller in ("random", "climb")
     )
     for name, table in (("atlas", atlas), ("camera", camera)):
         first, last = first_and_last(table)
@@ -108,11 +109,7 @@ def converges(atlas: Any) -> Judged:
     taken = episodes_of(atlas, "form 2")
     late, much_later = (taken[:, end - WINDOW : end].mean(axis=1) for end in (EPISODES, 100))
     found = {"late": steps(late, much_later, iqm, judged=True), "mean": steps(late, much_later)}
-    return _claim(found["late"].word, ("the same", "fewer"), ("more",)), found
-
-
-def _claim(word: str, supports: tuple[str, ...], contradicts: tuple[str, ...]) -> str:
-    return "supported" if word in supports else "contradicted" if word in contradicts else "inconclusive"
+    return claim(found["late"].word, ("the same", "fewer"), ("more",)), found
 
 
 @question(
@@ -134,7 +131,7 @@ def hidden_goal(atlas: Any, camera: Any) -> Judged:
     side = bound(found["atlas.home"].interval, 0.95)
     found["atlas.home"] = of(found["atlas.home"].interval, side, judged=True)
     seen = in_view(room, settings.field_of_view_deg)
-    return "contradicted" if seen else _claim(side, ("above",), ("below",)), found
+    return "contradicted" if seen else claim(side, ("above",), ("below",)), found
 
 
 def in_view(room: Room, field_of_view_deg: float) -> list[str]:

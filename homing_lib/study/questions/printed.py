@@ -6,12 +6,11 @@ Table I. Its epsilon_0 of 6 is no probability and is read as .3, here too; the t
 
 from typing import Any
 
-from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import iqm
+from homing_lib.study.bootstrap import iqm, mean
 from homing_lib.study.findings import Comparison, Judged, estimate, question, steps
 from homing_lib.study.measures import totals
-from homing_lib.study.studies import ROBOTS, study
+from homing_lib.study.studies import ROBOTS, column, study
 
 OURS = Settings(images="atlas")
 
@@ -85,17 +84,6 @@ PRINTED = study(
 _OURS = f"+ {[*SUBSTITUTIONS][-1]}"
 
 
-def column(table: Any, condition: str, name: str) -> Array:
-    """One number per robot, seeds in order."""
-    found = table[table.condition == condition].sort_values("seed")[name].to_numpy(float)
-    return found
-
-
-def label(settings: Settings) -> str:
-    """The condition of the study that has these settings."""
-    return next(name for name, one in PRINTED.conditions.items() if one == settings)
-
-
 @question(
     "printed",
     "Does the algorithm learn as it is printed?",
@@ -110,18 +98,18 @@ def printed(table: Any) -> Judged:
     found: dict[str, Comparison] = {}
     letters = ("the letter", "the letter, tau .03")
     for name, settings in PRINTED.conditions.items():
-        late, family = column(table, name, "late"), 4 if name in letters else 1
-        found[f"{name}.early"], found[f"{name}.late"] = estimate(column(table, name, "early")), estimate(late)
+        early, late = (column(table, one, condition=name) for one in ("early", "late"))
+        found[f"{name}.early"], found[f"{name}.late"] = estimate(early), estimate(late)
         if settings.controller == "random":
             continue
-        chance = column(table, f"random, {settings.centre}, {settings.variance}", "late")
-        found[f"{name}.of first"] = steps(late, column(table, name, "early"), family=family)
+        chance = column(table, "late", condition=f"random, {settings.centre}, {settings.variance}")
+        family = 4 if name in letters else 1
+        found[f"{name}.of first"] = steps(late, early, family=family)
         found[f"{name}.of random"] = steps(late, chance, family=family)
         if name != _OURS:
-            for endpoint in ("total", "late"):
-                statistic = {"statistic": iqm} if endpoint == "late" else {}
-                pair = column(table, name, endpoint), column(table, _OURS, endpoint)
-                found[f"{name}.of ours.{endpoint}"] = steps(*pair, **statistic)  # type: ignore[arg-type]
+            for endpoint, statistic in (("total", mean), ("late", iqm)):
+                its, ours = (column(table, endpoint, condition=who) for who in (name, _OURS))
+                found[f"{name}.of ours.{endpoint}"] = steps(its, ours, statistic)
     return verdict(found, letters), found
 
 

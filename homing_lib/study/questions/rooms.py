@@ -17,7 +17,7 @@ from homing_lib.study.measures import totals
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
 from homing_lib.study.runs import Study
-from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, Later, labelled, later, rows
+from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, Later, column, labelled, later
 
 OTHERS = tuple(room for room in ROOMS if room != "paper")
 
@@ -46,7 +46,7 @@ def _drive_in(room: str) -> tuple[Later, Later]:
     return Later([varying.OWN.second], of_rules), Later([varying.DRAWS.second], of_draws)
 
 
-JUDGED = {room: _drive_in(room) for room in OTHERS}
+STUDIES = {room: _drive_in(room) for room in OTHERS}
 
 
 # --- Calibrated for whom? ---------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ def with_settings_of(room: str, whose: str, learner: str) -> Settings:
 
 
 @later(CALIBRATION.second)
-def MATRIX() -> Study:
+def for_each() -> Study:
     """Everyone with what suits everyone."""
     return Study(
         "rooms-matrix",
@@ -142,10 +142,10 @@ def MATRIX() -> Study:
     counts the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's.
     Beside it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
     UNLEARNT,
-    MATRIX,
-    varying.JUDGED,
-    varying.JUDGED_DRAWS,
-    *(one for pair in JUDGED.values() for one in pair),
+    for_each,
+    varying.in_paper,
+    varying.in_paper_drawn,
+    *(one for pair in STUDIES.values() for one in pair),
 )
 def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any) -> Judged:
     """In six rooms, and calibrated for four learners."""
@@ -169,15 +169,14 @@ def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any
     for room in CALIBRATED_IN:
         for whose in ("declared", *LEARNERS):
             total = {
-                learner: _robots(matrix, with_settings_of(room, whose, learner)).total.to_numpy(float)
-                for learner in LEARNERS
+                learner: column(matrix, "total", like=with_settings_of(room, whose, learner)) for learner in LEARNERS
             }
             for learner, its in total.items():
                 found[f"matrix.{room}.{whose}.{learner}.steps"] = estimate(its)
                 if learner != "form2":
                     found[f"matrix.{room}.{whose}.{learner}.total"] = steps(total["form2"], its)
     own = {
-        (room, learner): _robots(matrix, calibrated(room, learner)).total.to_numpy(float)
+        (room, learner): column(matrix, "total", like=calibrated(room, learner))
         for room in CALIBRATED_IN
         for learner in LEARNERS
     }
@@ -186,18 +185,3 @@ def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any
             found[f"own.{room}.{learner}.total"] = steps(own[room, "form2"], its)
     yes = sum(varying.helps(found, room) == "yes" for room in ROOMS)
     return f"in {yes} of {len(ROOMS)} rooms", found
-
-
-def _robots(table: Any, wanted: Settings) -> Any:
-    names = (
-        "room",
-        "lambda_rule",
-        "update",
-        "bootstrap_terminal",
-        "alpha0",
-        "mixture",
-        "tau0",
-        "epsilon0",
-        "first_episode_share",
-    )
-    return rows(table, **{name: getattr(wanted, name) for name in names})

@@ -20,7 +20,7 @@ from homing_lib.study.findings import Comparison, Judged, estimate, of, question
 from homing_lib.study.measures import totals, totals_of
 from homing_lib.study.rules import ResampledLambda
 from homing_lib.study.runs import Columns, Study, load_table
-from homing_lib.study.studies import ROBOTS, ROOMS, UNLEARNT, labelled, later, rows
+from homing_lib.study.studies import ROBOTS, ROOMS, UNLEARNT, column, labelled, later, rows
 
 UPDATES = ("taken", "all")
 
@@ -152,7 +152,7 @@ DRAWS = Choice(
 
 
 @later(OWN.second)
-def JUDGED() -> Study:
+def in_paper() -> Study:
     """The paper's room."""
     return Study(
         "varying",
@@ -171,7 +171,7 @@ def JUDGED() -> Study:
 
 
 @later(DRAWS.second)
-def JUDGED_DRAWS() -> Study:
+def in_paper_drawn() -> Study:
     """The same with draws."""
     return Study(
         "varying-drawn",
@@ -197,13 +197,12 @@ def robots_of(who: str, room: str, update: str, table: Any, draws: Any) -> Any:
     else:
         rule = {"fixed0": "fixed:0", "best": best_fixed(room, update), **VARYING}[who]
         wanted = chosen(room, update, rule)
-    of_these = {name: getattr(wanted, name) for name in ("update", "lambda_rule", "alpha0")}
-    return rows(table, room=room, **of_these)
+    return rows(table, like=wanted)
 
 
 def lost(robots: Any, room: str, chance: Any) -> Any:
     """Which robots are lost: they diverged, or take more steps at the end than random actions do in their room."""
-    at_random = rows(chance, room=room, controller="random").late.mean()
+    at_random = column(chance, "late", room=room, controller="random").mean()
     return ((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float)
 
 
@@ -232,8 +231,8 @@ def of_room(room: str, table: Any, draws: Any, chance: Any) -> dict[str, Compari
             robots = robots_of(who, room, update, table, draws)
             found[f"{room}.{update}.{who}.steps"] = estimate(robots.total)
             found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, chance))
-        told = smallest(room, update, len(ours))
-        found[f"{room}.{update}.smallest ratio"] = of(Interval(told, told, told))
+        least = smallest(room, update, len(ours))
+        found[f"{room}.{update}.smallest ratio"] = of(Interval(least, least, least))
     return found
 
 
@@ -260,8 +259,8 @@ def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> 
     fixed lambda and than draws from its own lambdas; no, if against one of the three it takes the same or more; else
     undecided. Eight comparisons are judged together (k = 8): these, the gate, and all four where the weights of all
     actions are updated. Late steps, lost robots and the other opponents stand beside them.""",
-    JUDGED,
-    JUDGED_DRAWS,
+    in_paper,
+    in_paper_drawn,
     UNLEARNT,
 )
 def varying(table: Any, draws: Any, chance: Any) -> Judged:

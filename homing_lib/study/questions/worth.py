@@ -1,7 +1,7 @@
 """Is learning worth it?
 
 Against the climb, which keeps to an action while the view comes closer to the snapshot, else draws one of the two
-others, and learns nothing (snapshot homing). All episodes count, the first as well.
+others, and learns nothing. All episodes count, the first as well.
 """
 
 from collections.abc import Iterator
@@ -10,19 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import ClimbingAgent, RandomAgent
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.features import Array
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run, run_episode
-from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question, shares, steps
+from homing_lib.study.findings import Comparison, Judged, bound, claim, estimate, of, question, shares, steps
 from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
 from homing_lib.study.questions import rooms, varying
 from homing_lib.study.questions.drives import after
-from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
+from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, by_episode
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, labelled, rows, study
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, of_kind, rows, study
 
 # --- All episodes counted ---------------------------------------------------------------------------------------------
 
@@ -59,13 +58,10 @@ OTHERS = study("worth-rooms", "The same in five other rooms.", _added_up(*ROOMS[
 # --- From everywhere --------------------------------------------------------------------------------------------------
 
 KINDS = ("learning on", "restored", "frozen", "climbing", "climb", "random")
-"""Climbing: the frozen robot takes its best action, or, in a share of its steps, what the climb would."""
+"""Climbing: frozen, and guided by the climb."""
 
 EXTENDED = ("restored", "climbing")
 """Those that are tried after the extension."""
-
-CLIMBING = 0.7
-"""That share."""
 
 _EXTENSION: dict[str, Any] = {
     "episodes": 100,
@@ -76,14 +72,6 @@ _EXTENSION: dict[str, Any] = {
 }
 """The declared extension learns from everywhere, at a constant cost, in a hundred episodes; tried, it climbs as
 well."""
-
-
-def _kind(name: str, agent: Any, settings: Settings, rng: np.random.Generator) -> Any:
-    if name in ("climb", "random"):
-        return (ClimbingAgent if name == "climb" else RandomAgent)(settings, rng)
-    if name == "climbing":
-        return ClimbGuidedAgent(agent, CLIMBING, rng)
-    return {"restored": RestoredAgent, "frozen": FrozenAgent}.get(name, lambda it: it)(agent)
 
 
 def _trials(
@@ -99,15 +87,12 @@ def _trials(
     with HomingEnv(now, observation="features", model=env.model) as world:
         for name in kinds:
             rng = np.random.default_rng([seed, 5, KINDS.index(name)])
-            agent.rng = rng
-            agent.begin_episode(settings.episodes + 1)
-            agent.learner.weights[:] = saved
-            driver = _kind(name, agent, settings, rng)
+            robot = driver(name, agent, settings, saved, rng)
             world.reset(seed=seed)
             order = rng.permutation(len(everywhere))  # who learns on meets the places in no order
             for pose in [*(everywhere[place] for place in order), *5 * [env.room.start]]:
-                driver.begin_episode(settings.episodes + 1)
-                path, home = run_episode(world, driver, {"start": pose})
+                robot.begin_episode(settings.episodes + 1)
+                path, home = run_episode(world, robot, {"start": pose})
                 yield name, pose, len(path), home
     agent.learner.weights[:] = saved
 
@@ -198,26 +183,23 @@ def carried(settings: Settings, seed: int) -> Columns:
         saved = agent.learner.weights.copy()
         for name in _LIVING:
             for light, kidnapped in [*((light, False) for light in LIGHTS), (1.0, True)]:
-                agent.rng = np.random.default_rng([seed, 5])
-                agent.learner.weights[:] = saved
-                agent.begin_episode(settings.episodes + 1)
-                driver = _kind(name, agent, settings, agent.rng)
+                robot = driver(name, agent, settings, saved, np.random.default_rng([seed, 5]))
                 cap = TRIAL_STEPS + _KIDNAPPED_AT * kidnapped
                 now = settings.with_changes(light=light, max_steps=cap)
                 with HomingEnv(now, observation="features", model=env.model) as world:
                     world.reset(seed=seed)
-                    ends = [_trial(world, driver, settings, pose, kidnapped) for pose in poses]
+                    ends = [_trial(world, robot, settings, pose, kidnapped) for pose in poses]
                 yield (name == "restored", light, kidnapped, *np.mean(ends, axis=0))
 
     return rows_after(settings, seed, names, trials)
 
 
-def _trial(world: HomingEnv, driver: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
-    driver.begin_episode(settings.episodes + 1)
+def _trial(world: HomingEnv, robot: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
+    robot.begin_episode(settings.episodes + 1)
     if not kidnapped:
-        path, home = run_episode(world, driver, {"start": pose})
+        path, home = run_episode(world, robot, {"start": pose})
         return len(path), home
-    path, home = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), driver)
+    path, home = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), robot)
     return len(path) - _KIDNAPPED_AT, home
 
 
@@ -242,15 +224,11 @@ OWN_STEP_SIZE = ("hall", "cell")
 FAMILY = len(ROOMS) * len(AT)
 
 
-def of_kind(table: Any, kind: str, room: str, **settings: Any) -> Any:
-    """One row per robot. One that diverged has none, and counts as one that never comes home."""
-    here = rows(table, room=room, **settings)
-    return here[here.kind == KINDS.index(kind)].set_index("seed").reindex(np.sort(here.seed.unique()))
-
-
-def _number(robots: Any, column: str) -> Array:
+def tried(table: Any, name: str, kind: str, room: str, **values: Any) -> Array:
+    """A column of `placed`, one number per robot, of trials of a kind; one that diverged never comes home."""
     never = {"steps": 2000.0, "start_steps": 2000.0, "median": 2000.0, "cut": float(TRIAL_STEPS)}
-    return np.asarray(robots[column].fillna(never.get(column, 0.0)).to_numpy(float))
+    its = of_kind(table, KINDS.index(kind), room=room, **values)[name]
+    return np.asarray(its.fillna(never.get(name, 0.0)).to_numpy(float))
 
 
 @question(
@@ -265,7 +243,7 @@ def _number(robots: Any, column: str) -> Array:
     OTHERS,
     PLACED,
     UNLEARNT,
-    *(rooms.JUDGED[room][0] for room in OWN_STEP_SIZE),
+    *(rooms.STUDIES[room][0] for room in OWN_STEP_SIZE),
 )
 def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) -> Judged:
     """Room by room."""
@@ -280,18 +258,16 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
                 found[f"{room}.{start}.{number}"] = steps(*pair, family=family)
             saved = climb[f"after_{AT[0]}"].to_numpy(float) - ours[f"after_{AT[0]}"].to_numpy(float)
             found[f"{room}.{start}.saved"] = estimate(saved)
-        climb = of_kind(everywhere, "climb", room, episodes=20)
         for training, episodes, kinds in (("published", 20, KINDS), ("extension", 100, EXTENDED)):
             for kind in kinds:
-                its = of_kind(everywhere, kind, room, episodes=episodes)
-                for column in ("steps", "cut", "median", "soon", "home", "start_steps"):
-                    found[f"{room}.{training}.{kind}.{column}"] = estimate(_number(its, column))
-                if kind != "climb":
-                    for column in ("steps", "start_steps"):
-                        ours, theirs = (_number(one, column) for one in (its, climb))
-                        found[f"{room}.{training}.{kind}.of climb.{column}"] = steps(ours, theirs)
+                for name in ("steps", "cut", "median", "soon", "home", "start_steps"):
+                    its = tried(everywhere, name, kind, room, episodes=episodes)
+                    found[f"{room}.{training}.{kind}.{name}"] = estimate(its)
+                    if kind != "climb" and name in ("steps", "start_steps"):
+                        climb = tried(everywhere, name, "climb", room, episodes=20)
+                        found[f"{room}.{training}.{kind}.of climb.{name}"] = steps(its, climb)
     for room, table in zip(OWN_STEP_SIZE, own, strict=True):
-        climb = rows(unlearnt, room=room, controller="climb").total.to_numpy(float)
+        climb = column(unlearnt, "total", room=room, controller="climb")
         learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
         found[f"{room}.own step size.{AT[0]}"] = steps(learner[: len(climb)], climb)
     counts = [sum(found[f"{room}.room.{number}"].word == "fewer" for room in ROOMS) for number in AT]
@@ -310,12 +286,11 @@ def from_almost_anywhere(everywhere: Any) -> Judged:
     """Learning on, and frozen."""
     found: dict[str, Comparison] = {}
     for kind in ("restored", "frozen", "climb", "random"):
-        its = of_kind(everywhere, kind, "paper", episodes=20)
-        for column in ("soon", "home"):
-            found[f"{kind}.{column}"] = estimate(_number(its, column))
+        for name in ("soon", "home"):
+            found[f"{kind}.{name}"] = estimate(tried(everywhere, name, kind, "paper", episodes=20))
     side = bound(found["restored.soon"].interval, 0.95)
     found["restored.soon"] = of(found["restored.soon"].interval, side, judged=True)
-    return {"above": "supported", "below": "contradicted"}.get(side, "inconclusive"), found
+    return claim(side, ("above",), ("below",)), found
 
 
 @question(
