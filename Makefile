@@ -151,7 +151,7 @@ paper/report.pdf: .build/paper/report.pdf
 ### The demonstration
 
 .build/demo: .build/data $(LIBRARY) $(wildcard notebooks/demo/* homing_lib/*.atlas) environment.lock
-	$(VENV) -m homing_lib.publish.page
+	$(VENV) -m homing_lib.publish.demo
 	@cksum notebooks/executed/demo.html > $@
 
 
@@ -166,7 +166,7 @@ paper/report.pdf: .build/paper/report.pdf
 ### The lab: two archives
 
 .build/lab/lab-teacher.zip: .build/data $(LIBRARY) notebooks/lab.ipynb $(wildcard notebooks/lab/*) environment.lock
-	$(VENV) -m homing_lib.publish.handouts
+	$(VENV) -m homing_lib.teach.handouts
 
 
 ### Names for the above

@@ -5,7 +5,7 @@ import sys
 from homing_lib.errors import UserError
 
 try:
-    from homing_lib.publish.commands import main
+    from homing_lib.publish.cli import main
 except KeyboardInterrupt:  # while much is being loaded
     sys.exit(130)
 except UserError as error:  # a room that is not described right

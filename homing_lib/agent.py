@@ -36,7 +36,7 @@ class SarsaAgent:
     def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
         self.settings, self.rng = settings, rng
         self.epsilon, self.temperature = settings.epsilon0, settings.tau0
-        chosen = lambdas.parse(settings.lambda_rule)
+        chosen = lambdas.lambda_spec(settings.lambda_rule)
         rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
             settings.n_features,

@@ -28,11 +28,11 @@ from tqdm import tqdm
 from homing_lib import features
 from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
+from homing_lib.parallel import init_worker
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import PAPER, Pose, Room
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, packed, read_arrays, read_bytes, write_bytes
-from homing_lib.workers import begin_work
+from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, write_bytes
 
 FOLDER = ROOT / ".build" / "atlas"
 _BLOCK = 3  # columns of the lattice that are rendered and kept together
@@ -243,7 +243,7 @@ def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str
     columns = [range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)]
     blocks = {folder / f"{path.stem}-{some.start:04}-{some.stop:04}.npz": some for some in columns}
     todo = [part for part in blocks if _read(part) is None]
-    begin: dict[str, Any] = {"initializer": begin_work, "initargs": (os.getpid(),)}
+    begin: dict[str, Any] = {"initializer": init_worker, "initargs": (os.getpid(),)}
     rendered = joblib.Parallel(workers, return_as="generator_unordered", **begin)(
         joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
     )
@@ -251,7 +251,7 @@ def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str
         pass
     read = [read_arrays(part)[1] for part in blocks]
     arrays = {name: np.concatenate([some[name] for some in read]) for name in read[0]}
-    write_bytes(path, packed(_seal(path, arrays), arrays))
+    write_bytes(path, npz_bytes(_seal(path, arrays), arrays))
     shutil.rmtree(folder, ignore_errors=True)
     return arrays
 
@@ -277,7 +277,7 @@ def _render_block(part: Path, columns: range, room: Room, settings: Settings) ->
         infrared_m=np.reshape(infrared, (-1, lattice.headings, len(INFRARED_ANGLES_DEG))),
         clearance_m=np.reshape(clearances, (-1, lattice.ny)),
     )
-    write_bytes(part, packed(_seal(part, arrays), arrays))
+    write_bytes(part, npz_bytes(_seal(part, arrays), arrays))
 
 
 def _alone(path: Path) -> AbstractContextManager[Any]:

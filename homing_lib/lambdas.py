@@ -14,7 +14,8 @@ the ratio is undefined (0/0, x/0) it raises ZeroDivisionError or another Arithme
 stands in (NumPy's own numbers raise nothing; `dot` gives plain ones). At the first step of an episode there is no
 previous step: lambda is 0 and the rule is not asked.
 
-A rule with a name, for settings and the command line, is added by `@named(...)` or `_derived(...)` where it is defined.
+A rule with a name, for settings and the command line, is added by `@register(...)` or `_derived(...)` where it
+is defined.
 """
 
 from collections.abc import Callable
@@ -41,7 +42,7 @@ TAKES_AND_RETURNS = (
 RULES: dict[str, LambdaRule] = {}  # those that settings know by name
 
 
-def named(name: str) -> Callable[[LambdaRule], LambdaRule]:
+def register(name: str) -> Callable[[LambdaRule], LambdaRule]:
     """A decorator that lists a rule in RULES."""
     return lambda rule: RULES.update({name: rule}) or rule
 
@@ -63,10 +64,10 @@ class Derived:
 
 def _derived(name: str, rule: LambdaRule, change: Callable[[float], float]) -> LambdaRule:
     """List it under its name."""
-    return named(name)(Derived(name, rule, change))
+    return register(name)(Derived(name, rule, change))
 
 
-@named("hestenes-stiefel")
+@register("hestenes-stiefel")
 def hestenes_stiefel(
     *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
 ) -> float:
@@ -86,7 +87,7 @@ def hestenes_stiefel(
 hestenes_stiefel_printed = _derived("hestenes-stiefel:printed", hestenes_stiefel, neg)  # without the minus
 
 
-@named("fletcher-reeves")
+@register("fletcher-reeves")
 def fletcher_reeves(
     *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any
 ) -> float:
@@ -99,7 +100,7 @@ def fletcher_reeves(
     return _ratio(delta * dot(phi, phi), discount * delta_prev * dot(phi_prev, phi_prev))
 
 
-@named("polak-ribiere")
+@register("polak-ribiere")
 def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any) -> float:
     """Eq. (7), form 3: the lambda that makes TD(lambda) follow the Polak-Ribiere direction.
 
@@ -114,7 +115,7 @@ def polak_ribiere(*, delta: float, phi: Array, delta_prev: float, phi_prev: Arra
 # --- What form 2 is made of: its sign, its size, and each without the other ------------------------------------------
 
 
-@named("gate")
+@register("gate")
 def gate(*, delta: float, delta_prev: float, **_: Any) -> float:
     """Form 2's sign alone: 1, the whole trace, while the TD error keeps its sign, else 0. An error of 0 has none."""
     return float(min(delta, delta_prev) > 0 or max(delta, delta_prev) < 0)
@@ -123,13 +124,13 @@ def gate(*, delta: float, delta_prev: float, **_: Any) -> float:
 _derived("gate:0.7", gate, lambda ratio: 0.7 * ratio)  # a fixed lambda that is cut where the TD error changes its sign
 
 
-@named("gate:opposite")
+@register("gate:opposite")
 def gate_opposite(*, delta: float, delta_prev: float, **_: Any) -> float:
     """The gate the wrong way round: 1 where the TD error changes its sign, else 0."""
     return gate(delta=-delta, delta_prev=delta_prev)
 
 
-@named("inverse")
+@register("inverse")
 def inverse(*, delta: float, phi: Array, delta_prev: float, phi_prev: Array, discount: float, **_: Any) -> float:
     """Form 2's ratio upside down: the same sign, and a size that falls where form 2's grows."""
     return _ratio(discount * delta_prev * dot(phi_prev, phi_prev), delta * dot(phi, phi))
@@ -164,8 +165,8 @@ class Fixed:
         return f"fixed:{_short(self.value)}"
 
 
-class Choice(NamedTuple):
-    """What a learner is told of lambda: the rule, `on_zero` and `clip`. str() is its name, which `parse` reads."""
+class LambdaSpec(NamedTuple):
+    """What a learner is told of lambda: the rule, `on_zero`, `clip`. str() is its name, which `lambda_spec` reads."""
 
     name: str
     rule: LambdaRule
@@ -177,7 +178,7 @@ class Choice(NamedTuple):
         return f"{self.name}{guard}{'' if self.clip else ':unclipped'}"
 
 
-def parse(text: str) -> Choice:
+def lambda_spec(text: str) -> LambdaSpec:
     """The choice of this name: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
 
     ValueError, in one line, for a name or an option that does not exist.
@@ -204,7 +205,7 @@ def parse(text: str) -> Choice:
             on_zero = unit_interval("on_zero", float(option.removeprefix("on_zero=")))
         elif option != "unclipped":
             raise ValueError(f"unknown option {shown(option)} in {shown(text)}; known: unclipped, on_zero=<lambda>")
-    return Choice(name, rule, on_zero, "unclipped" not in options)
+    return LambdaSpec(name, rule, on_zero, "unclipped" not in options)
 
 
 def checked(rule: LambdaRule) -> LambdaRule:

@@ -21,7 +21,7 @@ from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import room_named
 from homing_lib.sarsa import Traces, Update
 
-_Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.parse(text)))]
+_Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.lambda_spec(text)))]
 _Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
 
 
@@ -66,7 +66,7 @@ class Settings(BaseModel):
     multiplier: float = _field(12.0, "Eq. (19): that of psi_upper", "11 and 12: .904 and .908", ge=2, le=1e9)
 
     # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
-    lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: form 2; `lambdas.parse` knows others", "form 2")
+    lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: form 2; others: `lambdas.lambda_spec`", "form 2")
     theta0: float = _field(1.0, "Fig. 2: initial value of every weight", "1")
     traces: Traces = _field("accumulating", "Eq. (17)", "accumulating")
     update: Update = _field("taken", "Eq. (18): weights of the taken action, or of all as is standard", "taken")

@@ -23,7 +23,7 @@ ROOT = next((folder for folder in _PLACES if (folder / MARK).exists()), Path.cwd
 installed without, the one worked in, or this folder."""
 
 
-def packed(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
+def npz_bytes(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
     """A compressed npz. The same content gives the same bytes."""
     buffer = BytesIO()
     contents: dict[str, Any] = {"about": np.array(json.dumps(about, sort_keys=True)), **arrays}
@@ -32,7 +32,7 @@ def packed(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """A path of the same suffix, renamed at the end to `path`, or to what that links to. Raises UserError."""
     part = None
     try:
@@ -53,7 +53,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file that is whole, or not there. Raises UserError if it cannot be written."""
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(content)
 
 

@@ -38,10 +38,10 @@ import pandas as pd
 from homing_lib import agent, atlas, lambdas, sarsa, td
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
-from homing_lib.publish import commands
+from homing_lib.publish import cli
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
-from homing_lib.storage import packed, read_arrays
+from homing_lib.storage import npz_bytes, read_arrays
 from homing_lib.study import findings, measures, runs, studies, theorem
 from homing_lib.study.questions import learns
 from homing_lib.study.runs import Study
@@ -258,7 +258,7 @@ class Campaign:
         quietly = contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors)
         with self.stored_in(self.here), quietly[0], quietly[1], contextlib.chdir(work):
             try:
-                code = commands.main(arguments)
+                code = cli.main(arguments)
             except SystemExit as end:  # of --help
                 code = int(end.code or 0)
         lines = [line for line in errors.getvalue().replace("\r", "\n").split("\n") if line and "it/s" not in line]
@@ -312,7 +312,7 @@ class Campaign:
         array = arrays[name]
         doubled = np.concatenate([array, array]) if array.dtype.names else array * 2.0  # a table has named columns
         arrays[name] = self.rng.choice([array[::-1], array[:-1], np.zeros(3), doubled])
-        path.write_bytes(packed(about, arrays))
+        path.write_bytes(npz_bytes(about, arrays))
 
     def _alter_json(self, path: Path) -> None:
         """Something else in the same place: a hash, the seeds, what made it, the conditions."""

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import psutil
 
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 from homing_lib.settings import Settings
 from homing_lib.study import measures, runs, studies
 from homing_lib.study.runs import Study, sweep

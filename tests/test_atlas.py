@@ -15,7 +15,7 @@ import numpy as np
 import psutil
 import pytest
 
-pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_everywhere.py does without
+pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_without_pybullet.py does without
 
 from homing_lib import atlas
 from homing_lib.agent import run
@@ -24,7 +24,7 @@ from homing_lib.atlas import Lattice, open_atlas
 from homing_lib.environment import HomingEnv, free_pose, survey
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
-from homing_lib.storage import packed, read_arrays
+from homing_lib.storage import npz_bytes, read_arrays
 
 ROOT = Path(__file__).parent.parent
 
@@ -37,7 +37,7 @@ PROGRAM = f"""
 import sys
 from pathlib import Path
 from homing_lib import atlas
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 atlas.FOLDER = Path(sys.argv[1])
 sys.exit(main(["run", *(word for name, value in {COARSE}.items() for word in ("--set", f"{{name}}={{value}}"))]))
 """
@@ -360,7 +360,7 @@ def test_the_name_depends_on_nothing_that_only_learning_asks_for():
 def test_an_atlas_of_altered_values_or_of_another_name_is_not_taken_for_what_was_written(stored, undisturbed, capsys):
     sound, (about, arrays) = hashes(undisturbed), read_arrays(stored)
     arrays["clearance_m"] = arrays["clearance_m"][::-1]
-    stored.write_bytes(packed(about, arrays))
+    stored.write_bytes(npz_bytes(about, arrays))
     assert atlas._read(stored) is None
     renamed = stored.with_name("paper-00000000-00000000-00000000.npz")
     shutil.copy(next(undisturbed.glob("*.npz")), renamed)

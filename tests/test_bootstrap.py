@@ -76,11 +76,11 @@ def test_intervals_of_a_family_are_as_wide_as_their_number_asks():
     """Of a normal mean: 1.96 standard errors to a side alone, 2.81 as one of ten (1 - .05/10)."""
     sample = np.random.default_rng(1).standard_normal(400) + 9
     for of in (
-        lambda family: estimated(sample, family=family),
-        lambda family: ratio(sample, sample[::-1], family=family),
-        lambda family: pooled([(sample, sample[::-1])], family=family),
+        lambda comparisons: estimated(sample, comparisons=comparisons),
+        lambda comparisons: ratio(sample, sample[::-1], comparisons=comparisons),
+        lambda comparisons: pooled([(sample, sample[::-1])], comparisons=comparisons),
     ):
-        alone, one_of_ten = (np.ptp(of(family)[1:]) for family in (1, 10))
+        alone, one_of_ten = (np.ptp(of(comparisons)[1:]) for comparisons in (1, 10))
         assert one_of_ten / alone == pytest.approx(2.81 / 1.96, rel=0.06)
 
 
@@ -146,19 +146,19 @@ def test_a_band_has_the_mean_of_each_episode_and_the_interval_that_it_would_have
         assert [one[column] for one in found] == pytest.approx(estimated(table[:, column]))
 
 
-@pytest.mark.parametrize("family", [1, 8])
-def test_the_smallest_ratio_is_told_from_1_in_four_of_five_studies(family):
+@pytest.mark.parametrize("comparisons", [1, 8])
+def test_the_smallest_ratio_is_told_from_1_in_four_of_five_studies(comparisons):
     """Robots whose steps spread as in some rooms, ours that many times theirs; each interval as a normal one."""
     rng, robots = np.random.default_rng(5), 200
     earlier = rng.lognormal(7, 0.6, (2, 2000))
-    least = bootstrap.smallest_ratio(*earlier, robots, family)
+    least = bootstrap.smallest_ratio(*earlier, robots, comparisons)
     assert 1.1 < least < 1.4
     ours, theirs = rng.lognormal(7, 0.6, (2, 2000, robots))
     ours = ours * least
     found = ours.mean(axis=1) / theirs.mean(axis=1)
     a, b = ours / ours.mean(axis=1, keepdims=True), theirs / theirs.mean(axis=1, keepdims=True)
     error = np.std(a - b, axis=1, ddof=1) / np.sqrt(robots)
-    told = np.log(found) - stats.norm.ppf(1 - 0.025 / family) * error > 0
+    told = np.log(found) - stats.norm.ppf(1 - 0.025 / comparisons) * error > 0
     assert told.mean() == pytest.approx(0.8, abs=0.05)
 
 

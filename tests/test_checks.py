@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from homing_lib.publish import checks, lab
+from homing_lib.teach import checks, lab
 
 
 @checks.check("1 twice")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 from homing_lib.settings import Settings
 from homing_lib.study.questions.printed import LETTER
 from homing_lib.study.runs import load
@@ -105,7 +105,7 @@ def test_all_studies_are_listed_with_their_reason(capsys):
 
 INSTALLED = """
 import sys
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 from homing_lib.study import runs, studies
 assert [main(command.split()) for command in ("settings", "summary", "verify", "notebook 03-homing")] == [0, 1, 1, 1]
 try:

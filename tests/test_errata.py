@@ -34,7 +34,7 @@ def test_each_erratum_has_a_proof_and_every_proof_resolves(erratum):
 def test_what_a_reading_does_is_among_the_findings_and_has_a_word(erratum):
     for name in erratum.seen:
         question, _, comparison = name.partition(".")
-        assert findings.finding(question)[comparison].word
+        assert findings.finding(question)[comparison].verdict
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from homing_lib.features import HomeModel
-from homing_lib.publish import exercises
-from homing_lib.publish.checks import Check
 from homing_lib.publish.notebooks import NOTEBOOKS
 from homing_lib.settings import Settings
 from homing_lib.study import measures, runs, studies, walk
+from homing_lib.teach import exercises
+from homing_lib.teach.checks import Check
 from homing_lib.thresholds import stopping_thresholds
 
 LATE = np.r_[np.full(40, 30.0), 300, 300, 500]
@@ -180,7 +180,7 @@ def test_what_is_wrong_about_a_stored_table_gets_its_hint():
 
 
 RIGHT_AND_WRONG = [
-    (exercises.late_steps, lambda run: measures.by_episode([run])[0, -5:].mean(), "proven"),
+    (exercises.late_steps, lambda run: measures.episode_matrix([run])[0, -5:].mean(), "proven"),
     (exercises.late_steps, lambda run: run.lengths[-5:].mean(), "makes it look good"),
     (exercises.late_steps, lambda run: run.lengths[:5].mean(), "first five episodes"),
     (exercises.late_steps, lambda run: run.lengths.mean(), "all episodes"),

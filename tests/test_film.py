@@ -14,7 +14,7 @@ pytest.importorskip("pybullet", reason="needs PyBullet")  # a film is rendered
 
 from homing_lib import agent
 from homing_lib.arena import Arena
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 from homing_lib.publish.film import FRAMES, FRAMES_PER_SECOND, HOLD, Scene, timetable
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings

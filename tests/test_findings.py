@@ -37,7 +37,7 @@ JUDGED = []
 def flies(table):
     JUDGED.append(len(table))
     taken = table[table.condition == "a"].groupby("seed").steps.sum().to_numpy(float)
-    found = {"of b": steps(taken, taken, family=2), "steps": estimate(taken)}
+    found = {"of b": steps(taken, taken, comparisons=2), "steps": estimate(taken)}
     return "yes" if found["steps"].value == 20 else "no", found
 
 @question("C2", "Claims come after.", "By construction.")
@@ -171,9 +171,9 @@ def test_a_name_that_is_judged_elsewhere_is_refused(asked):
 def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
     ours, theirs = np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8])
     assert findings.steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", 0)
-    assert findings.steps(theirs, ours, family=3) == Comparison(2, 2, 2, "more", 3)
+    assert findings.steps(theirs, ours, comparisons=3) == Comparison(2, 2, 2, "more", 3)
     assert findings.shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", 0)
-    assert findings.shares([0.51] * 4, [0.5] * 4, family=2)[3:] == ("the same", 2)
+    assert findings.shares([0.51] * 4, [0.5] * 4, comparisons=2)[3:] == ("the same", 2)
     assert findings.estimate([True, False]).value == 0.5
     assert [findings.bound(Interval(1, 0.9, 1.1), limit) for limit in (0.8, 0.9, 1.1, 1.2)] == [
         "above",
@@ -228,8 +228,8 @@ def test_what_is_stored_is_what_the_tables_say():
     for name in ("printed", "C3", "C12", "conjugate"):
         kept, anew = findings.finding(name), findings.judge(name)
         assert anew.verdict == kept.verdict
-        assert {key: one.word for key, one in anew.comparisons.items()} == {
-            key: one.word for key, one in kept.comparisons.items()
+        assert {key: one.verdict for key, one in anew.comparisons.items()} == {
+            key: one.verdict for key, one in kept.comparisons.items()
         }
     assert list(findings.stored()) == list(ASKED)
 

@@ -9,10 +9,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from homing_lib.publish import checks, handouts, lab
 from homing_lib.study import walk
 from homing_lib.study.questions import drives
 from homing_lib.study.rules import Rules
+from homing_lib.teach import checks, handouts, lab
 
 
 def test_an_answer_that_was_given_before_the_rule_changed_is_no_longer_proven(capsys, monkeypatch):

@@ -143,8 +143,8 @@ def test_for_any_finite_input_a_named_rule_gives_a_finite_plain_float_or_says_th
     ],
 )
 def test_a_choice_and_its_name_make_each_other(text, choice):
-    assert lambdas.parse(text)[1:] == choice
-    assert str(lambdas.parse(text)) == text
+    assert lambdas.lambda_spec(text)[1:] == choice
+    assert str(lambdas.lambda_spec(text)) == text
 
 
 def test_a_rule_is_known_by_the_name_under_which_it_is_defined():
@@ -152,15 +152,15 @@ def test_a_rule_is_known_by_the_name_under_which_it_is_defined():
         return 1.0
 
     try:
-        assert lambdas.named("a-new-one")(always) is always
-        assert lambdas.parse("a-new-one:on_zero=0.5")[1:] == (always, 0.5, True)
+        assert lambdas.register("a-new-one")(always) is always
+        assert lambdas.lambda_spec("a-new-one:on_zero=0.5")[1:] == (always, 0.5, True)
     finally:
         del RULES["a-new-one"]
 
 
 @given(value=st.floats(0, 1))
 def test_the_short_name_of_a_fixed_lambda_keeps_every_digit(value):
-    assert lambdas.parse(str(Fixed(value))).rule == Fixed(value)
+    assert lambdas.lambda_spec(str(Fixed(value))).rule == Fixed(value)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_the_short_name_of_a_fixed_lambda_keeps_every_digit(value):
 )
 def test_a_rule_that_does_not_exist_is_refused_in_one_line_that_names_what_does(text, named):
     with pytest.raises(ValueError, match=named) as refusal:
-        lambdas.parse(text)
+        lambdas.lambda_spec(text)
     assert "\n" not in str(refusal.value)
 
 

@@ -21,7 +21,8 @@ figure = figures.passing_shares({"some": 0.1})
 figures.save(figure, figures_dir, "bar")
 """
 PLAYS = """
-from homing_lib.publish import figures, widgets
+from homing_lib.publish import figures
+from homing_lib.teach import widgets
 figure = widgets.play(lambda lambda_: figures.passing_shares({"some": lambda_}), lambda_=0.1)
 figures.save(figure, figures_dir, "played")
 """

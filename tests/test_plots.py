@@ -42,7 +42,7 @@ FOUND = Everything()
 PLOTS = {
     "depth": lambda: plots.trace_depth({"a": np.tril(RUNS[:, :6] / 200), "b": np.eye(6)}),
     "parting": lambda: plots.parting(
-        {"a": theorem.parting(np.random.default_rng(0).normal(size=(13, 3)), np.ones(12))}
+        {"a": theorem.distance_from_cg(np.random.default_rng(0).normal(size=(13, 3)), np.ones(12))}
     ),
     "step sizes": lambda: plots.over_step_sizes(
         np.array([0.1, 0.2, 0.4]), {"a": RUNS[:, :3], "b": np.where([0, 0, 1], np.inf, RUNS[:, :3])}, "error", 300
@@ -124,7 +124,7 @@ def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
     learning, against = plots.rules(found).axes
     assert [text.get_text() for text in learning.texts] == ["form 2", "same", "slow"]
     assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
-    assert [verdict.word for verdict in found.verdicts.values()] == ["the same", "more"]
+    assert [verdict.verdict for verdict in found.verdicts.values()] == ["the same", "more"]
     assert marks(against) == [("D", True), ("D", True), ("s", True), ("s", True)]  # of all steps, and of the late ones
     assert against.get_title(loc="left") == "left of 1: fewer steps"
     assert against.get_xlabel().splitlines()[0] == "steps / those of form 2"

@@ -58,7 +58,7 @@ def rows_of(conditions, steps, **columns):
     return pd.concat(made, ignore_index=True)
 
 
-def by_episode(conditions, **columns):
+def episode_matrix(conditions, **columns):
     """A table of `curve`: by condition the steps of each episode, shape (episodes,) or (seeds, episodes)."""
     made = []
     for label, steps in conditions.items():
@@ -103,8 +103,8 @@ def letter(late, of_random=100.0):
 def test_printed_a_robot_learns_if_it_beats_its_first_episodes_and_chance(late, of_random, verdict):
     found = judged("printed", letter(late, of_random))
     assert found[0] == verdict
-    assert found[1]["E3 form 1.of random"].word == ("the same" if of_random == 40 else "fewer")
-    assert found[1]["all but features kept.of ours.total"].word == "the same"
+    assert found[1]["E3 form 1.of random"].verdict == ("the same" if of_random == 40 else "fewer")
+    assert found[1]["all but features kept.of ours.total"].verdict == "the same"
 
 
 def test_printed_is_undecided_if_the_letter_learns_at_one_temperature_only():
@@ -131,8 +131,8 @@ def hundred(first, later):
     [(LEARNS, 100, "yes"), (EVEN, 300, "no"), (LEARNS, 30, "no"), (LEARNS * DOUBT[:, None], 45, "undecided")],
 )
 def test_learns_is_fewer_steps_than_at_first_and_than_chance_with_either_kind_of_images(steps, random, verdict):
-    atlas = by_episode({"form 2": hundred(LEARNS, 40)})
-    camera = by_episode({"form 2": steps, "fixed 0": LEARNS})
+    atlas = episode_matrix({"form 2": hundred(LEARNS, 40)})
+    camera = episode_matrix({"form 2": steps, "fixed 0": LEARNS})
     assert judged("learns", atlas, camera, unlearnt(random, 60), SHORTEST)[0] == verdict
 
 
@@ -142,23 +142,23 @@ def test_learns_is_fewer_steps_than_at_first_and_than_chance_with_either_kind_of
 def test_c3_it_has_converged_if_hardly_fewer_steps_are_taken_much_later(later, verdict):
     steps = np.tile(hundred(LEARNS, 40), (SEEDS, 1))
     steps[:, 20:] = np.reshape(later * 40 if np.ndim(later) else later, (-1, 1))
-    assert judged("C3", by_episode({"form 2": steps}))[0] == verdict
+    assert judged("C3", episode_matrix({"form 2": steps}))[0] == verdict
 
 
 @pytest.mark.parametrize(("late", "verdict"), [(40.0, "supported"), (400.0, "contradicted")])
 def test_c4_the_u_turn_is_solved_if_the_last_episodes_end_at_home_soon(late, verdict):
-    atlas = by_episode({"form 2": np.r_[np.full(15, 200.0), np.full(5, late)]})
+    atlas = episode_matrix({"form 2": np.r_[np.full(15, 200.0), np.full(5, late)]})
     assert judged("C4", atlas, atlas)[0] == verdict
 
 
 def test_c4_some_robots_that_are_always_lost_leave_it_open_and_a_goal_in_view_is_not_hidden(monkeypatch):
     steps = np.tile(LEARNS, (SEEDS, 1))
     steps[0, 15:] = 1000
-    assert judged("C4", by_episode({"form 2": steps}), by_episode({"form 2": LEARNS}))[0] == "inconclusive"
+    assert judged("C4", episode_matrix({"form 2": steps}), episode_matrix({"form 2": LEARNS}))[0] == "inconclusive"
     room = EVERY_ROOM["paper"]
     facing = replace(room, start=Pose(room.start.x, room.start.y, room.home.heading))
     monkeypatch.setattr(learns, "room_named", lambda _: facing)
-    assert judged("C4", *[by_episode({"form 2": LEARNS})] * 2)[0] == "contradicted"
+    assert judged("C4", *[episode_matrix({"form 2": LEARNS})] * 2)[0] == "contradicted"
 
 
 @pytest.mark.parametrize("room", EVERY_ROOM.values(), ids=EVERY_ROOM)
@@ -173,7 +173,7 @@ def test_c4_home_objects_are_hidden_at_the_start_and_in_view_at_home(room):
 )
 def test_c13_good_episodes_begin_where_the_mean_first_comes_near_the_last(good_from, verdict):
     steps = np.where(np.arange(1, 21) < np.resize(good_from, SEEDS)[:, None], 200.0, 40.0)
-    found = judged("C13", by_episode({"form 2": hundred(LEARNS, 40) if good_from == 9 else steps}))
+    found = judged("C13", episode_matrix({"form 2": hundred(LEARNS, 40) if good_from == 9 else steps}))
     assert found[0] == verdict
     if np.ndim(good_from) == 0:
         assert found[1]["first good"].interval == (good_from, good_from, good_from)
@@ -405,7 +405,7 @@ def test_rooms_are_counted_in_which_it_helps(nothing_to_choose):
         verdict, found = judged("rooms", unlearnt(), matrix, *tables["paper"], *others)
         assert verdict == f"in {helped} of 6 rooms"
     assert found["pooled.taken.fixed0.total"].interval == pytest.approx((2 / 3,) * 3, abs=0.03)
-    assert found["own.attic.fixed.total"].word == "fewer"
+    assert found["own.attic.fixed.total"].verdict == "fewer"
 
 
 @pytest.mark.parametrize(
@@ -467,8 +467,8 @@ def test_worth_counts_the_rooms_in_which_the_sum_of_all_steps_falls_below_the_cl
     own = [pd.DataFrame({"seed": range(SEEDS), "total": total}) for total in (900.0 * 0.9, 2000.0)]
     found = judged("worth", *tables, everywhere(restored=50.0), climb, *own)
     assert found[0] == verdict
-    assert [found[1][f"{room}.own step size.20"].word for room in worth.OWN_STEP_SIZE] == ["fewer", "more"]
-    assert found[1]["hall.published.restored.of climb.steps"].word == "fewer"
+    assert [found[1][f"{room}.own step size.20"].verdict for room in worth.OWN_STEP_SIZE] == ["fewer", "more"]
+    assert found[1]["hall.published.restored.of climb.steps"].verdict == "fewer"
 
 
 @pytest.mark.parametrize(
@@ -521,7 +521,7 @@ def test_c9_a_kidnapped_robot_may_lose_two_points_and_must_get_home(carried, beg
 def test_c10_a_policy_has_converged_when_it_rests_and_is_optimal_near_the_shortest_way(before, last, verdict):
     steps = np.full((SEEDS, 100), 90.0)
     steps[:, 60:80], steps[:, 80:] = before, last
-    assert judged("C10", by_episode({"form 2": steps}), SHORTEST)[0] == verdict
+    assert judged("C10", episode_matrix({"form 2": steps}), SHORTEST)[0] == verdict
 
 
 @pytest.mark.parametrize(
@@ -533,7 +533,7 @@ def test_c10_a_policy_has_converged_when_it_rests_and_is_optimal_near_the_shorte
     ],
 )
 def test_c11_the_change_falls_exponentially_if_its_logarithm_is_a_straight_line(decay, verdict):
-    of = by_episode({"form 2": np.full(20, 50.0)})
+    of = episode_matrix({"form 2": np.full(20, 50.0)})
     of["change"] = decay(of.episode) * (1 + of.seed / 100)
     assert judged("C11", of)[0] == verdict
 
@@ -609,7 +609,7 @@ def test_c17_tens_suffice_if_this_model_needs_them_and_the_earlier_one_hundreds(
     steps = {
         name: np.where(number < np.resize(first, SEEDS)[:, None], 300.0, 40.0) for name, first in good_from.items()
     }
-    assert judged("C17", by_episode(steps))[0] == verdict
+    assert judged("C17", episode_matrix(steps))[0] == verdict
 
 
 def test_every_question_and_claim_is_judged_here():

@@ -30,7 +30,7 @@ FIRST = np.array([[99, 10, 10, 10, 10, 10], [99, 20, 20, 20, 20, 20], [99, 30, 3
 def test_the_verdict_is_on_the_steps_of_all_episodes_seed_by_seed_against_the_first_rule():
     late = np.c_[FIRST[:, :1], FIRST[:, 1:] * 2]
     found = rules.Rules({"a": FIRST, "twice": 2 * FIRST, "half": FIRST / 2, "same": FIRST, "late": late})
-    words = {label: verdict.word for label, verdict in found.verdicts.items()}
+    words = {label: verdict.verdict for label, verdict in found.verdicts.items()}
     assert words == {"twice": "more", "half": "fewer", "same": "the same", "late": "more"}
     assert found.verdicts["twice"].interval == (2, 2, 2)
     assert found.verdicts["late"].value == pytest.approx((3 * 99 + 2 * 300) / (3 * 99 + 300))

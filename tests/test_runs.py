@@ -13,8 +13,8 @@ from homing_lib.settings import Settings
 from homing_lib.study import measures, runs
 from homing_lib.study.runs import (
     Study,
-    by_episode,
     compare,
+    episode_matrix,
     episodes_of,
     fingerprint,
     load,
@@ -161,7 +161,7 @@ def test_files_that_are_no_runs_are_refused_with_their_path(stored, tmp_path):
 
 def test_a_run_of_settings_that_no_longer_exist_is_refused_with_its_path(stored, tmp_path):
     about, arrays = runs.read_arrays(stored)
-    stored.write_bytes(runs.packed(about | {"settings": {"colour": 1}}, arrays))
+    stored.write_bytes(runs.npz_bytes(about | {"settings": {"colour": 1}}, arrays))
     assert refusal(load, stored).startswith(f"{stored}: damaged file (setting colour: there is none of this name")
 
 
@@ -276,8 +276,8 @@ def alpha(settings, seed):
 
 def test_steps_and_sums_of_each_episode_are_those_of_its_steps():
     several = [made([1, 2, 3]), made([2, 2, 2])]
-    assert by_episode(several).tolist() == [[1, 2, 3], [2, 2, 2]]
-    assert by_episode(several, "reward").tolist() == [[0, 1 + 2, 3 + 4 + 5], [1, 5, 9]]
+    assert episode_matrix(several).tolist() == [[1, 2, 3], [2, 2, 2]]
+    assert episode_matrix(several, "reward").tolist() == [[0, 1 + 2, 3 + 4 + 5], [1, 5, 9]]
 
 
 def made(lengths, diverged=0):
@@ -289,8 +289,8 @@ def made(lengths, diverged=0):
 
 def test_episodes_lost_to_divergence_count_as_never_home_and_have_no_sums():
     several = [made([4], diverged=2), made([], diverged=1)]
-    assert by_episode(several).tolist() == [[4, 100, 100], [100, 100, 100]]
-    assert np.isnan(by_episode(several, "reward")).tolist() == [[False, True, True], [True] * 3]
+    assert episode_matrix(several).tolist() == [[4, 100, 100], [100, 100, 100]]
+    assert np.isnan(episode_matrix(several, "reward")).tolist() == [[False, True, True], [True] * 3]
 
 
 def test_a_table_gives_a_row_a_run_whatever_its_order_and_counts_lost_episodes_as_the_cap():

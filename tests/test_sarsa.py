@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from homing_lib.lambdas import Fixed, parse
+from homing_lib.lambdas import Fixed, lambda_spec
 from homing_lib.sarsa import Diverged, LinearQ, LinearSarsa
 from homing_lib.td import LinearTD, TrueOnlineTD
 
@@ -14,7 +14,7 @@ def make(cls=LinearSarsa, n=2, actions=2, rule="fletcher-reeves", **changes):
 
 def of_lambda(text):
     """A learner's settings from the name of a rule."""
-    _, rule, on_zero, clip = parse(text)
+    _, rule, on_zero, clip = lambda_spec(text)
     return {"lambda_rule": rule, "on_zero": on_zero, "clip": clip}
 
 

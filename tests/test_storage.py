@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from homing_lib.errors import DamagedFile, UserError
-from homing_lib.storage import read_bytes, whole, write_bytes
+from homing_lib.storage import atomic_write, read_bytes, write_bytes
 
 
 def test_a_file_appears_under_its_name_only_when_all_is_written(tmp_path):
     path = tmp_path / "new folder" / "film.mp4"
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_text("half", encoding="utf-8")
         assert not path.exists()
         assert part.parent == path.parent
@@ -23,7 +23,7 @@ def test_a_file_appears_under_its_name_only_when_all_is_written(tmp_path):
 def test_who_fails_in_the_middle_leaves_the_old_file_and_nothing_beside_it(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("old", encoding="utf-8")
-    with pytest.raises(KeyboardInterrupt), whole(path) as part:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path) as part:
         part.write_text("half", encoding="utf-8")
         raise KeyboardInterrupt
     assert [(file.name, file.read_text(encoding="utf-8")) for file in tmp_path.iterdir()] == [("a.txt", "old")]
@@ -32,7 +32,7 @@ def test_who_fails_in_the_middle_leaves_the_old_file_and_nothing_beside_it(tmp_p
 def test_a_file_that_cannot_be_written_is_named_in_one_line(tmp_path):
     (tmp_path / "file").write_text("", encoding="utf-8")
     path = tmp_path / "file" / "a.txt"
-    with pytest.raises(UserError, match=r"^.*a\.txt: cannot be written \(.+\)$"), whole(path) as part:
+    with pytest.raises(UserError, match=r"^.*a\.txt: cannot be written \(.+\)$"), atomic_write(path) as part:
         part.write_text("", encoding="utf-8")
 
 

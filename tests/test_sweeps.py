@@ -17,10 +17,11 @@ import psutil
 import pytest
 from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
+from homing_lib import parallel
 from homing_lib.agent import run
 from homing_lib.settings import Settings
-from homing_lib.storage import packed, read_arrays
-from homing_lib.study import quiet, runs
+from homing_lib.storage import npz_bytes, read_arrays
+from homing_lib.study import runs
 from homing_lib.study.runs import load_study, load_table, path_of, sweep
 from tests import kills
 from tests.kills import (
@@ -421,9 +422,9 @@ def test_an_interrupt_in_the_moment_when_workers_are_started_is_late_but_not_los
 
 def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_unsaid(monkeypatch):
     said = []
-    monkeypatch.setattr(quiet, "_before", lambda what: said.append((what.exc_type, type(what.thread).__name__)))
+    monkeypatch.setattr(parallel, "_before", lambda what: said.append((what.exc_type, type(what.thread).__name__)))
     monkeypatch.setattr(threading, "excepthook", threading.excepthook)  # as it is again at the end
-    quiet.quieten()
+    parallel.quieten()
 
     def fail(kind, error):
         def run():
@@ -444,7 +445,7 @@ def test_of_threads_that_fail_only_lokys_that_misses_a_cancelled_task_is_left_un
 @pytest.mark.parametrize("quietly", [True, False])
 def test_what_an_early_end_left_of_semaphores_is_removed_without_a_word(quietly):
     left = "from joblib.externals.loky.backend.resource_tracker import register\nregister('/loky-0-gone', 'semlock')"
-    quieten = "from homing_lib.study.quiet import quieten\nquieten()\n" if quietly else ""
+    quieten = "from homing_lib.parallel import quieten\nquieten()\n" if quietly else ""
     ended = subprocess.run([sys.executable, "-c", quieten + left], capture_output=True, text=True, timeout=60)
     assert ended.returncode == 0
     assert ("leaked semlock" in ended.stderr, not ended.stderr) == (not quietly, quietly)
@@ -481,7 +482,7 @@ def test_a_single_run_that_was_altered_and_is_whole_is_computed_anew(what, here,
         about["made by"] = dict.fromkeys(runs.MADE_BY, "someone")
     else:
         del about["sha256"]  # as earlier versions stored it
-    path.write_bytes(packed(about, arrays))
+    path.write_bytes(npz_bytes(about, arrays))
     assert sweep(FEW, workers=1) == 1
     assert contents(here) == stored
 

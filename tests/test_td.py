@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, parse
+from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, lambda_spec
 from homing_lib.sarsa import Diverged
 from homing_lib.study.theorem import ConjugateTD, beta
 from homing_lib.td import LinearTD, TrueOnlineTD
@@ -15,7 +15,7 @@ LEARNERS = (LinearTD, TrueOnlineTD)
 
 
 def make(cls=LinearTD, n=2, rule="fletcher-reeves", **changes):
-    _, lambda_rule, on_zero, clip = parse(rule)
+    _, lambda_rule, on_zero, clip = lambda_spec(rule)
     setting = {"step_size": 0.1, "discount": 0.5}
     if cls is not ConjugateTD:
         setting |= {"lambda_rule": lambda_rule, "on_zero": on_zero, "clip": clip}

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from homing_lib.__main__ import main
-from homing_lib.publish import page
+from homing_lib.publish import demo
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
 
@@ -65,7 +65,7 @@ def test_the_demonstration_understands_every_state_that_it_is_opened_in(state):
     mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
     engine = mini_racer.MiniRacer()
     data = {"settings": Settings(images="compact").model_dump(mode="json")}
-    engine.eval(f"{ADDRESSES}\n{page.scripts()}\nconst DATA = {json.dumps(data)};\n{page.source('state.js')}")
+    engine.eval(f"{ADDRESSES}\n{demo.scripts()}\nconst DATA = {json.dumps(data)};\n{demo.source('state.js')}")
     assert engine.eval("readAddress('#nonsense=1&rule=magic')") != ""
     assert engine.eval(f"readAddress({json.dumps('#' + state)})") == ""
     assert engine.eval("readOwn()") == ""

@@ -42,7 +42,7 @@ def test_each_rule_is_judged_at_the_step_size_that_other_walks_chose(monkeypatch
     assert race.tried["gate"].shape == (3, 2)
     np.testing.assert_allclose(race.errors["gate"], np.full(5, 1.6))
     assert race.verdicts["gate"].interval == pytest.approx((0.4, 0.4, 0.4))
-    assert {name: one.word for name, one in race.verdicts.items()} == {"gate": "fewer", "inverse": "the same"}
+    assert {name: one.verdict for name, one in race.verdicts.items()} == {"gate": "fewer", "inverse": "the same"}
     assert str(race).splitlines()[2:] == [
         "| fixed:0.8 | 0.2 | 4.000 | 1 | |",
         "| gate | 0.6 | 1.600 | 0.40 [0.40, 0.40] | fewer |",

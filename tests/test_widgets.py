@@ -6,8 +6,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from homing_lib import lambdas
-from homing_lib.publish import figures, plots, widgets
+from homing_lib.publish import figures, plots
 from homing_lib.study import walk
+from homing_lib.teach import widgets
 
 
 class Display:
@@ -52,7 +53,7 @@ def test_each_control_draws_the_figure_anew_with_the_values_of_all(page):
 
 @pytest.mark.parametrize("rule", widgets.RULES)
 def test_every_rule_on_offer_is_one_that_settings_know_and_has_lambda_or_a_guard(rule):
-    choice = lambdas.parse(widgets.setting(rule, 0.5))
+    choice = lambdas.lambda_spec(widgets.setting(rule, 0.5))
     assert choice.rule(
         delta=1.0, phi=np.ones(1), delta_prev=4.0, phi_prev=np.ones(1), trace_prev=np.ones(1), discount=1
     )

@@ -107,7 +107,7 @@ def printed(found: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure:
         for place, condition in enumerate(rows.values()):
             first, last = found[f"{condition}.early"], found[f"{condition}.late"]
             chance = last.value / found[f"{condition}.of random"].value
-            words = {found[f"{condition}.{against}"].word for against in ("of first", "of random")}
+            words = {found[f"{condition}.{against}"].verdict for against in ("of first", "of random")}
             axes.plot([first.value, last.value], [place, place], color=GREY, linewidth=0.8, zorder=0)
             axes.plot(first.value, place, "o", color=INK, markerfacecolor="white", markersize=4.5)
             axes.plot(chance, place, "|", color=COLOURS["random"], markersize=9, markeredgewidth=1.6)

@@ -18,7 +18,7 @@ from homing_lib.publish import drawing
 from homing_lib.publish.drawing import BLUE, DASHED, GREEN, GREY, INK, ORANGE, SKY, STYLE, TEXT_WIDTH, Image, styled
 from homing_lib.rooms import Box, Room
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, whole
+from homing_lib.storage import ROOT, atomic_write
 from homing_lib.study import findings
 from homing_lib.study.bootstrap import Interval
 
@@ -31,7 +31,7 @@ def save(figure: Figure, figures_dir: str | Path | None, name: str) -> None:
     if figures_dir is None:
         return
     for kind, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
-        with whole(Path(figures_dir) / f"{name}.{kind}") as part, plt.rc_context(STYLE):
+        with atomic_write(Path(figures_dir) / f"{name}.{kind}") as part, plt.rc_context(STYLE):
             figure.savefig(part, format=kind, metadata=metadata)
 
 

@@ -21,7 +21,7 @@ from homing_lib.errors import UserError
 from homing_lib.publish.drawing import BLUE, DASHED, ORANGE, SKY, STYLE, picture
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
-from homing_lib.storage import whole
+from homing_lib.storage import atomic_write
 from homing_lib.study import runs
 from homing_lib.study.studies import HEADLINE
 from homing_lib.thresholds import stopping_thresholds
@@ -66,7 +66,7 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
         raise UserError(f"--out {path}: a film ends in {' or '.join(_KINDS)}")
     room = room_named(settings.room)
     runs.remove_leftovers(path.parent, escape(path.stem))  # of one that was killed
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.touch()  # tried before any work is done
         codec, dpi, options = _KINDS[path.suffix.lower()]
         result = _run(settings, seed)

@@ -21,7 +21,7 @@ import nbformat
 from traitlets.config import Config
 
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT, whole, write_bytes
+from homing_lib.storage import ROOT, atomic_write, write_bytes
 from homing_lib.study.runs import missing
 
 NOTEBOOKS = ROOT / "notebooks"
@@ -87,7 +87,7 @@ def execute(
     for cell in executed.cells:
         cell.source = cell.source.replace(str(drawn), place)
     copy = output_dir / source.name
-    with whole(copy) as part:
+    with atomic_write(copy) as part:
         nbformat.write(executed, part)
     return [copy, *figures]
 

@@ -15,7 +15,7 @@ from homing_lib.publish.charts import mark
 from homing_lib.publish.drawing import BLUE, DASHED, GREY, INK, LINES, ORANGE, TEXT_WIDTH, styled
 from homing_lib.study.bootstrap import band
 from homing_lib.study.rules import Rules
-from homing_lib.study.theorem import Parting
+from homing_lib.study.theorem import Distance
 
 Tables = Mapping[str, Array]  # by label, shape (runs, episodes)
 
@@ -34,7 +34,7 @@ def trace_depth(traces: Mapping[str, Array]) -> Figure:
 
 
 @styled
-def parting(found: Mapping[str, Parting]) -> Figure:
+def parting(found: Mapping[str, Distance]) -> Figure:
     """How far TD-conj stands from conjugate gradient at each step: by form, without and with the reset to [0, 1]."""
     figure, (panels,) = plt.subplots(1, len(found), sharey=True, squeeze=False, figsize=(TEXT_WIDTH, 2.3))
     for axes, (name, of) in zip(panels, found.items(), strict=True):
@@ -133,7 +133,7 @@ def rules(found: Rules) -> Figure:
     labels = list(found.verdicts)
     for place, label in enumerate(labels):
         for up, colour, of in ((-0.14, INK, found.verdicts), (0.14, GREY, found.late)):
-            mark(against, of[label], place + up, colour, of[label].word)
+            mark(against, of[label], place + up, colour, of[label].verdict)
     against.axvline(1, **drawing.DASHED, zorder=0)
     against.set(xscale="log", ylim=(len(labels) - 0.5, -0.5), title="left of 1: fewer steps")
     drawing.plain_log(against, "x", narrow=True)

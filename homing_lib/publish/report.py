@@ -17,7 +17,7 @@ from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings, runs, studies
 from homing_lib.study.bootstrap import estimated, ratio
 from homing_lib.study.measures import WINDOW
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import episode_matrix
 from homing_lib.thresholds import stopping_thresholds
 
 WELL_BELOW = 0.75
@@ -37,8 +37,8 @@ class Headline:
     def __init__(self, learnt: Sequence[Run], random: Sequence[Run]) -> None:
         self.learnt, self.settings = learnt, learnt[0].settings
         self.window = window = min(WINDOW, self.settings.episodes // 2)
-        self.steps = by_episode(learnt)
-        self.chance_steps = by_episode(random).mean(axis=1)
+        self.steps = episode_matrix(learnt)
+        self.chance_steps = episode_matrix(random).mean(axis=1)
         self.last_steps = self.steps[:, -window:].mean(axis=1)
         first_steps = self.steps[:, :window].mean(axis=1)
         self.first, self.last = estimated(first_steps), estimated(self.last_steps)
@@ -47,7 +47,7 @@ class Headline:
         self.of_random = ratio(self.last_steps, self.chance_steps)
         (self.reached, self.total), (self.random_reached, self.random_total) = _successes(learnt), _successes(random)
         self.diverged = sum(run.diverged > 0 for run in learnt)
-        changes, rates = by_episode(learnt, "change"), self.settings.step_size_rates
+        changes, rates = episode_matrix(learnt, "change"), self.settings.step_size_rates
         self.change_fall = float(np.nanmean(changes[:, -window:]) / np.nanmean(changes[:, :window]))
         self.rate_fall = float(rates[-window:].mean() / rates[:window].mean())
 

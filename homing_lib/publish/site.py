@@ -9,8 +9,8 @@ import ast
 import re
 import shutil
 from collections import ChainMap
-from functools import cache
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,8 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish import charts, figures, plots, widgets
+from homing_lib.publish.demo import PAGE, palette
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
-from homing_lib.publish.page import PAGE, palette
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import errata, findings
@@ -148,20 +147,23 @@ def title(notebook: Notebook) -> str:
 
 def describe(notebook: Notebook) -> None:
     """Give each cell that draws what a reader hears who does not see: its section, and what the function draws."""
-    section = ""
+    section, drawn = "", drawings(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
         called = re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source)
-        told = [drawings()[name] for name in called if name in drawings()]
+        told = [drawn[name] for name in called if name in drawn]
         cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
 
 
-@cache
-def drawings() -> dict[str, str]:
-    """What each function draws: the first sentence of its docstring, without what it says of its arguments."""
-    functions = [vars(module) for module in (figures, plots, charts, widgets)]
+def drawings(notebook: Notebook) -> dict[str, str]:
+    """What each function of its imports draws: the first sentence of the docstring, without what it says of its
+    arguments.
+    """
+    code = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
+    imported = re.findall(r"^from (homing_lib\.(?:publish|teach)) import (.+)$", code, re.M)
+    functions = [vars(import_module(f"{wing}.{name}")) for wing, names in imported for name in names.split(", ")]
     return {
         name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
         for name, function in ChainMap(*functions).items()

@@ -48,17 +48,17 @@ def draws(robots: int) -> Array:
     return counts
 
 
-def bootstrap(estimate: Callable[[Array], Array], robots: int, family: int = 1) -> Interval:
+def bootstrap(estimate: Callable[[Array], Array], robots: int, comparisons: int = 1) -> Interval:
     """Of anything that is estimated from robots. estimate: takes how often each is drawn, shape (k, robots), and
-    returns k numbers. family: how many comparisons are judged together. One robot says nothing of how robots differ:
-    its ends are NaN; of no robot all is NaN.
+    returns k numbers. comparisons: how many are judged together. One robot says nothing of how robots differ: its ends
+    are NaN; of no robot all is NaN.
     """
     if robots == 0:
         return Interval(np.nan, np.nan, np.nan)
     value = float(estimate(np.ones((1, robots)))[0])
     if robots < 2:
         return Interval(value, np.nan, np.nan)
-    low, high = np.percentile(estimate(draws(robots)), (2.5 / family, 100 - 2.5 / family))
+    low, high = np.percentile(estimate(draws(robots)), (2.5 / comparisons, 100 - 2.5 / comparisons))
     return Interval(value, float(low), float(high))
 
 
@@ -79,9 +79,9 @@ def iqm(values: Array, counts: Array | None = None) -> Array:
     return np.concatenate(means) / (robots - 2 * cut)
 
 
-def estimated(values: Array, statistic: Statistic = mean, family: int = 1) -> Interval:
+def estimated(values: Array, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
     """A statistic of numbers, one per robot."""
-    return bootstrap(lambda counts: statistic(values, counts), len(values), family)
+    return bootstrap(lambda counts: statistic(values, counts), len(values), comparisons)
 
 
 def band(table: Array) -> tuple[Array, Array, Array]:
@@ -90,18 +90,18 @@ def band(table: Array) -> tuple[Array, Array, Array]:
     return table.mean(axis=0), low, high
 
 
-def ratio(ours: Array, theirs: Array, statistic: Statistic = mean, family: int = 1) -> Interval:
+def ratio(ours: Array, theirs: Array, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
     """A statistic of our robots over that of theirs; element i of both has the same seed, and is drawn with it."""
-    return bootstrap(lambda counts: statistic(ours, counts) / statistic(theirs, counts), len(ours), family)
+    return bootstrap(lambda counts: statistic(ours, counts) / statistic(theirs, counts), len(ours), comparisons)
 
 
-def pooled(pairs: list[tuple[Array, Array]], statistic: Statistic = mean, family: int = 1) -> Interval:
+def pooled(pairs: list[tuple[Array, Array]], statistic: Statistic = mean, comparisons: int = 1) -> Interval:
     """Geometric mean of such ratios, of a room each: it speaks of other robots in these rooms, not of other rooms."""
 
     def estimate(counts: Array) -> Array:
         return np.exp(np.mean([np.log(statistic(a, counts) / statistic(b, counts)) for a, b in pairs], axis=0))
 
-    return bootstrap(estimate, len(pairs[0][0]), family)
+    return bootstrap(estimate, len(pairs[0][0]), comparisons)
 
 
 def word_of(found: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
@@ -111,14 +111,14 @@ def word_of(found: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal
     return "fewer" if found.high < equal else "more" if found.low > equal else "undecided"
 
 
-def tells(error: float, family: int = 1) -> float:
+def tells(error: float, comparisons: int = 1) -> float:
     """The ratio that a study tells from 1, in 80 of 100 such studies, by the standard error of its logarithm."""
-    return float(np.exp((normal(1 - 0.025 / family) + normal(0.8)) * error))
+    return float(np.exp((normal(1 - 0.025 / comparisons) + normal(0.8)) * error))
 
 
-def smallest_ratio(ours: Array, theirs: Array, robots: int, family: int = 1) -> float:
+def smallest_ratio(ours: Array, theirs: Array, robots: int, comparisons: int = 1) -> float:
     """The ratio of means that so many robots tell from 1, by how other robots differ.
 
-    ours, theirs: steps of those others, one per robot, seeds in order. family: as in `bootstrap`.
+    ours, theirs: steps of those others, one per robot, seeds in order. comparisons: as in `bootstrap`.
     """
-    return tells(np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots), family)
+    return tells(np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots), comparisons)

@@ -50,7 +50,7 @@ def effect(of: Erratum) -> str:
         one = findings.finding(question)[comparison]
         label = comparison.removesuffix(".of ours.total").removeprefix(f"{of.name} ")
         label = _READINGS.get(label, label)
-        told.append(f"{label}, {one:.2f}: {one.word}")
+        told.append(f"{label}, {one:.2f}: {one.verdict}")
     return f"Total steps, as a multiple of ours: {'; '.join(told)}. " if told else ""
 
 

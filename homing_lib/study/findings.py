@@ -47,7 +47,7 @@ class Comparison(NamedTuple):
     value: float
     low: float
     high: float
-    word: str = ""
+    verdict: str = ""
     judged: int = 0
 
     @property
@@ -58,8 +58,8 @@ class Comparison(NamedTuple):
     @property
     def smallest_ratio(self) -> float:
         """Of a judged ratio: what such an interval tells from 1, in 80 of 100 studies."""
-        family = max(self.judged, 1)
-        return bootstrap.tells(np.log(self.high / self.low) / 2 / bootstrap.normal(1 - 0.025 / family), family)
+        together = max(self.judged, 1)
+        return bootstrap.tells(np.log(self.high / self.low) / 2 / bootstrap.normal(1 - 0.025 / together), together)
 
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
@@ -71,22 +71,24 @@ def of(found: Interval, word: str = "", *, judged: int = 0) -> Comparison:
 
 
 def steps(
-    ours: Array, theirs: Array, statistic: Statistic = mean, *, family: int = 1, judged: int | None = None
+    ours: Array, theirs: Array, statistic: Statistic = mean, *, comparisons: int = 1, judged: int | None = None
 ) -> Comparison:
-    """Steps as a multiple of others', one number per robot, the same seeds in order; judged, if in a family."""
-    found = bootstrap.ratio(ours, theirs, statistic, family)
-    return of(found, word_of(found), judged=family * (family > 1) if judged is None else judged)
+    """Steps as a multiple of others', one number per robot, the same seeds in order; judged, if there are several."""
+    found = bootstrap.ratio(ours, theirs, statistic, comparisons)
+    return of(found, word_of(found), judged=comparisons * (comparisons > 1) if judged is None else judged)
 
 
-def shares(ours: Array, theirs: Array, *, family: int = 1) -> Comparison:
+def shares(ours: Array, theirs: Array, *, comparisons: int = 1) -> Comparison:
     """By how much one share exceeds another; each robot's own, or whether it is so."""
-    found = bootstrap.estimated(np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float), family=family)
-    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=family * (family > 1))
+    found = bootstrap.estimated(
+        np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float), comparisons=comparisons
+    )
+    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=comparisons * (comparisons > 1))
 
 
-def estimate(values: Array, statistic: Statistic = mean, *, family: int = 1) -> Comparison:
+def estimate(values: Array, statistic: Statistic = mean, *, comparisons: int = 1) -> Comparison:
     """A statistic of numbers, one per robot, without a word."""
-    return of(bootstrap.estimated(np.asarray(values, dtype=float), statistic, family))
+    return of(bootstrap.estimated(np.asarray(values, dtype=float), statistic, comparisons))
 
 
 def bound(found: Interval, limit: float) -> str:
@@ -190,8 +192,9 @@ def as_text(found: Finding) -> str:
     asked, rows = found.question, []
     for name, one in found.comparisons.items():
         digits = ".0f" if abs(one.value) >= 20 else ".2f"
-        tells = f", tells {one.smallest_ratio:.2f}" if one.judged and one.word in get_args(Word) and one.low > 0 else ""
-        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.word}{tells}".rstrip())
+        is_ratio = one.verdict in get_args(Word) and one.low > 0
+        tells = f", tells {one.smallest_ratio:.2f}" if one.judged and is_ratio else ""
+        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.verdict}{tells}".rstrip())
     return "\n".join([f"{found.name}: {asked.text} {found.verdict}", f"  Predicate: {asked.predicate}", *rows])
 
 
@@ -230,7 +233,7 @@ def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None
         if entry is None or entry["made from"] != made_from:
             found = judge(name)
             numbers = {
-                key: [*(float(f"{end:.6g}") for end in one.interval), one.word, one.judged]
+                key: [*(float(f"{end:.6g}") for end in one.interval), one.verdict, one.judged]
                 for key, one in found.comparisons.items()
             }
             entry = {"verdict": found.verdict, "made from": made_from, "comparisons": numbers}
@@ -294,5 +297,5 @@ def verdicts() -> dict[str, str]:
     words = {}
     for name, found in stored().items():
         words[name] = found.verdict
-        words |= {f"{name}.{key}": one.word for key, one in found.comparisons.items() if one.word}
+        words |= {f"{name}.{key}": one.verdict for key, one in found.comparisons.items() if one.verdict}
     return words

@@ -14,7 +14,7 @@ from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
-from homing_lib.study.runs import Columns, by_episode
+from homing_lib.study.runs import Columns, episode_matrix
 from homing_lib.thresholds import stopping_thresholds
 
 WINDOW = 5  # episodes at each end of a run that are compared: the first five with the last five
@@ -38,7 +38,7 @@ def totals_of(result: Run) -> Columns:
     WINDOW, `early` and `late`; sum of the weights' `change`; mean `lambda`; shares of the steps whose lambda was reset,
     `clipped`, and that were spent `at_wall`; and `diverged`.
     """
-    taken, made = by_episode([result])[0], max(len(result.steps), 1)
+    taken, made = episode_matrix([result])[0], max(len(result.steps), 1)
     row = {
         "total": taken.sum(),
         "cut": np.minimum(taken, CUT).sum(),
@@ -53,7 +53,7 @@ def totals_of(result: Run) -> Columns:
 
 def curve(settings: Settings, seed: int) -> Columns:
     """One row per episode, for learning curves: its number, `episode`, and `steps`."""
-    taken = by_episode([run(settings, seed)])[0]
+    taken = episode_matrix([run(settings, seed)])[0]
     return {"episode": np.arange(1.0, len(taken) + 1), "steps": taken}
 
 

@@ -22,7 +22,7 @@ from homing_lib.study.bootstrap import Statistic, iqm, mean
 from homing_lib.study.engine import run, side_by_side
 from homing_lib.study.findings import Comparison
 from homing_lib.study.measures import WINDOW
-from homing_lib.study.runs import by_episode, seeds_of
+from homing_lib.study.runs import episode_matrix, seeds_of
 
 
 class ResampledLambda:
@@ -52,7 +52,7 @@ class Rules:
 
     @cached_property
     def verdicts(self) -> dict[str, Comparison]:
-        """Total steps as a multiple of the first rule's, seed by seed; its `.word` is the verdict."""
+        """Total steps as a multiple of the first rule's, seed by seed; its `.verdict` is the verdict."""
         return self._against_first(lambda steps: steps.sum(axis=1), mean)
 
     @cached_property
@@ -77,7 +77,8 @@ class Rules:
         ]
         for label, steps in self.steps.items():
             told = [
-                f"{one[label]:.2f} | {one[label].word}" if label in one else "1 |" for one in (self.verdicts, self.late)
+                f"{one[label]:.2f} | {one[label].verdict}" if label in one else "1 |"
+                for one in (self.verdicts, self.late)
             ]
             typical = float(iqm(steps[:, -WINDOW:].mean(axis=1))[0])
             rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {told[0]} | {typical:.1f} | {told[1]} |")
@@ -101,7 +102,7 @@ def compare(rules: Mapping[str, LambdaRule], seeds: Sequence[int], settings: Set
             raise TypeError(f"{label}: {error}") from None
 
     def of_seed(seed: int) -> Array:
-        return by_episode([run(settings, seed, rule) for rule in rules.values()])
+        return episode_matrix([run(settings, seed, rule) for rule in rules.values()])
 
     found = np.array(side_by_side(of_seed, seeds, rules.values()))
     return Rules({label: found[:, k] for k, label in enumerate(rules)})

@@ -38,11 +38,10 @@ from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.atlas import open_atlas
 from homing_lib.errors import RESUMES, DamagedFile, UserError, shown
 from homing_lib.features import Array
+from homing_lib.parallel import init_worker, quieten
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.storage import MARK, ROOT, packed, read_arrays, read_bytes, write_bytes
-from homing_lib.study.quiet import quieten
-from homing_lib.workers import begin_work
+from homing_lib.storage import MARK, ROOT, npz_bytes, read_arrays, read_bytes, write_bytes
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
@@ -177,7 +176,7 @@ def save(result: Run, path: Path) -> None:
 def content_of(result: Run) -> bytes:
     """A run as the bytes of a file."""
     about = {"settings": result.settings.model_dump(), "seed": result.seed, "diverged": result.diverged}
-    return packed(about, {name: getattr(result, name) for name in _ARRAYS})
+    return npz_bytes(about, {name: getattr(result, name) for name in _ARRAYS})
 
 
 def load(path: Path) -> Run:
@@ -294,7 +293,7 @@ _Held = dict[tuple[Settings, int], tuple[Columns, dict[str, str]]]
 def _on_cores(workers: int, study: Study, todo: Sequence[_Job]) -> Iterator[_Result]:
     quieten()
     parallel = joblib.Parallel(
-        min(workers, len(todo)), return_as="generator_unordered", initializer=begin_work, initargs=(os.getpid(),)
+        min(workers, len(todo)), return_as="generator_unordered", initializer=init_worker, initargs=(os.getpid(),)
     )
     results: Any = None
     try:
@@ -402,7 +401,7 @@ def _store(
     table = np.empty(sum(about["rows"]), [(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
         table[name] = column  # one array is read faster than ten
-    write_bytes(path, packed(about | {"sha256": _hash_of(about, {"table": table})}, {"table": table}))
+    write_bytes(path, npz_bytes(about | {"sha256": _hash_of(about, {"table": table})}, {"table": table}))
 
 
 def _held(study: Study, only: set[Path] | None) -> _Held:
@@ -472,7 +471,7 @@ def load_one(study: Study, settings: Settings, seed: int) -> Run:
 # --- Episodes -------------------------------------------------------------------------------------------------------
 
 
-def by_episode(runs: Sequence[Run], column: str | None = None) -> Array:
+def episode_matrix(runs: Sequence[Run], column: str | None = None) -> Array:
     """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
 
     Of what a run that diverged did not finish, the sums are NaN, and the steps are `max_steps`: it would not come home.

@@ -1,7 +1,7 @@
 """The theorem behind eq. (7), tested: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
 
     ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
-    parting         how far the two are apart, step by step
+    distance_from_cg         how far the two are apart, step by step
     on_a_quadratic  what the forms say where the textbook's must coincide
 
 `beta` has the textbook's formulas, which know nothing of TD.
@@ -73,7 +73,7 @@ _BETA = {
 }
 
 
-class Parting(NamedTuple):
+class Distance(NamedTuple):
     """TD(lambda_t) beside conjugate gradient, step by step: arrays of shape (steps,).
 
     delta: TD errors; squares: |phi|² of the features; ratio: eq. (7) before any reset, 0 at the first step, where there
@@ -89,7 +89,7 @@ class Parting(NamedTuple):
     first: int
 
 
-def parting(phi: Array, reward: Array, form: Form = "fletcher-reeves", discount: float = 0.9) -> Parting:
+def distance_from_cg(phi: Array, reward: Array, form: Form = "fletcher-reeves", discount: float = 0.9) -> Distance:
     """Run both on the same features, shape (steps + 1, n), and rewards, shape (steps,), from weights of 0."""
     setting: dict[str, Any] = {"step_size": 1e-4, "discount": discount}
     conjugate = ConjugateTD(phi.shape[1], form=form, **setting)
@@ -102,7 +102,7 @@ def parting(phi: Array, reward: Array, form: Form = "fletcher-reeves", discount:
         first = first or (t + 1) * reset.clipped
         rows.append((delta, phi[t] @ phi[t], free.lambda_, *apart))
     deltas, squares, ratio, free_of, reset_of = np.array(rows).T
-    return Parting(deltas, squares, ratio, free_of, reset_of, first)
+    return Distance(deltas, squares, ratio, free_of, reset_of, first)
 
 
 def on_a_quadratic(rules: Sequence[LambdaRule], rng: np.random.Generator, n: int = 5) -> tuple[Array, float]:

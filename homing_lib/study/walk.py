@@ -3,7 +3,7 @@
 Nineteen states in a row; an episode begins in the middle and steps left or right at even odds. Beyond the left end it
 is paid -1, beyond the right end +1, else nothing (Sutton & Barto 2018, example 7.1). Tabular features, gamma = 1. An
 error is the root mean square over the states. A rule is a function, or a name with its guard, such as
-"fletcher-reeves:on_zero=1" (`lambdas.parse`).
+"fletcher-reeves:on_zero=1" (`lambdas.lambda_spec`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from homing_lib.features import Array
-from homing_lib.lambdas import Choice, LambdaRule, checked, name_of, parse
+from homing_lib.lambdas import LambdaRule, LambdaSpec, checked, lambda_spec, name_of
 from homing_lib.sarsa import Diverged, silent
 from homing_lib.study import findings
 from homing_lib.study.findings import Comparison
@@ -52,7 +52,7 @@ def follow(learner: LinearTD, states: Sequence[int]) -> None:
 @silent
 def learning(rule: LambdaRule | str, seed: int, step_size: float) -> Array:
     """The error after each of ten episodes, shape (EPISODES,); infinite once the weights are not finite."""
-    choice = parse(rule) if isinstance(rule, str) else Choice(name_of(rule), rule, 0.0, True)
+    choice = lambda_spec(rule) if isinstance(rule, str) else LambdaSpec(name_of(rule), rule, 0.0, True)
     learner = LinearTD(
         19, step_size=step_size, discount=1.0, lambda_rule=choice.rule, on_zero=choice.on_zero, clip=choice.clip
     )
@@ -80,7 +80,7 @@ class Race:
 
     @property
     def verdicts(self) -> dict[str, Comparison]:
-        """Errors as a multiple of the first rule's, walk by walk; `.word` is the verdict, in which fewer is less."""
+        """Errors as a multiple of the first rule's, walk by walk; `.verdict` is the verdict, in which fewer is less."""
         first, *others = self.errors
         return {label: findings.steps(self.errors[label], self.errors[first]) for label in others}
 
@@ -95,7 +95,7 @@ class Race:
         rows.append("|---|---|---|---|---|")
         for label, errors in self.errors.items():
             told = (
-                f"{verdicts[label]:.2f} | {words.get(verdicts[label].word, verdicts[label].word)}"
+                f"{verdicts[label]:.2f} | {words.get(verdicts[label].verdict, verdicts[label].verdict)}"
                 if label in verdicts
                 else "1 |"
             )
@@ -116,7 +116,7 @@ def race(
     choose, judge = seeds_of(choose), seeds_of(judge)
     for label, rule in rules.items():
         try:
-            checked(parse(rule).rule if isinstance(rule, str) else rule)
+            checked(lambda_spec(rule).rule if isinstance(rule, str) else rule)
         except (TypeError, ValueError) as error:
             raise TypeError(f"{label}: {error}") from None
 

@@ -2,7 +2,7 @@
 // learns from the stored histograms of the simulator's own pictures.
 
 class Camera {
-  // room: as homing_lib.publish.page writes it; texels: Uint8Array, one square texture of `side` after the other.
+  // room: as homing_lib.publish.demo writes it; texels: Uint8Array, one square texture of `side` after the other.
   constructor(room, texels, side, settings) {
     Object.assign(this, { room, texels, side });
     this.height = settings.camera_height_m;

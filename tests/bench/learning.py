@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 import swifttd
 
-from homing_lib.lambdas import parse
+from homing_lib.lambdas import lambda_spec
 from homing_lib.sarsa import LinearQ, LinearSarsa
 
 FEATURES, ACTIONS, STEPS, BLOCKS = 258, 3, 300, 100
@@ -24,7 +24,7 @@ PEER, BOUND = f"swifttd step, {ACTIONS * FEATURES} features", 0.5  # of a compil
 def episode(cls: type[LinearSarsa], rule: str, **options: str) -> Callable[[], None]:
     """A block of updates on features in [0, 1], like those of the homing agent."""
     x = list(np.random.default_rng(0).random((STEPS + 1, FEATURES)))
-    learner = cls(FEATURES, ACTIONS, step_size=1e-5, discount=1.0, lambda_rule=parse(rule).rule, **options)
+    learner = cls(FEATURES, ACTIONS, step_size=1e-5, discount=1.0, lambda_rule=lambda_spec(rule).rule, **options)
 
     def block() -> None:
         learner.begin_episode()

@@ -11,7 +11,7 @@ from homing_lib.study.engine import run
 from homing_lib.study.findings import Comparison, Judged, claim, of, question, steps
 from homing_lib.study.measures import WINDOW, curve, totals
 from homing_lib.study.questions import learns, varying
-from homing_lib.study.runs import Columns, by_episode, episodes_of
+from homing_lib.study.runs import Columns, episode_matrix, episodes_of
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, column, rows, study
 
 _ATLAS = Settings(images="atlas")
@@ -37,7 +37,7 @@ PARTS = study(
 def changes(settings: Settings, seed: int) -> Columns:
     """One row per `episode`: `change`, the sum of the lengths of the weights' changes, and `steps`."""
     made = run(settings, seed)
-    change, taken = by_episode([made], "change")[0], by_episode([made])[0]
+    change, taken = episode_matrix([made], "change")[0], episode_matrix([made])[0]
     return {"episode": np.arange(1.0, len(taken) + 1), "change": change, "steps": taken}
 
 
@@ -80,8 +80,8 @@ def conjugate_lambda(table: Any) -> Judged:
     found = {}
     for name in ("late", "total", "change"):
         a, b = (one[name].to_numpy(float) for one in (ours, fixed))
-        found[name] = steps(a, b, iqm if name == "late" else mean, family=3)
-    words = {one.word for one in found.values()}
+        found[name] = steps(a, b, iqm if name == "late" else mean, comparisons=3)
+    words = {one.verdict for one in found.values()}
     return "contradicted" if "more" in words else "inconclusive" if "undecided" in words else "supported", found
 
 
@@ -101,11 +101,11 @@ def less_and_less_exploration(atlas: Any, shortest: Any) -> Judged:
     last, before = taken[:, 80:].mean(axis=1), taken[:, 60:80].mean(axis=1)
     least = float(rows(shortest, room="paper").steps.mean())
     found = {
-        "settled": steps(last, before, iqm, family=2),
-        "of the shortest": steps(last, np.full_like(last, least), iqm, family=2),
+        "settled": steps(last, before, iqm, comparisons=2),
+        "of the shortest": steps(last, np.full_like(last, least), iqm, comparisons=2),
         "of the shortest, mean": steps(last, np.full_like(last, least)),
     }
-    words = found["settled"].word, found["of the shortest"].word
+    words = found["settled"].verdict, found["of the shortest"].verdict
     if "undecided" in words:
         return "inconclusive", found
     return "supported" if words == ("the same", "the same") else "contradicted", found
@@ -130,11 +130,11 @@ def exponential_change(table: Any) -> Judged:
         ("step", change / taken),
         ("step, by the step size", change / taken / rates),
     ):
-        found[name] = steps(one[:, -WINDOW:].mean(axis=1), one[:, :WINDOW].mean(axis=1), family=4)
+        found[name] = steps(one[:, -WINDOW:].mean(axis=1), one[:, :WINDOW].mean(axis=1), comparisons=4)
     straighter = straightness(change, _ATLAS.first_episode)
     word = "exponential" if straighter.low > 0 else "hyperbolic" if straighter.high < 0 else "undecided"
     found["straighter"] = of(straighter, word, judged=True)
-    words = {found[name].word for name in ("episode", "step", "step, by the step size")}
+    words = {found[name].verdict for name in ("episode", "step", "step, by the step size")}
     if words & {"the same", "more"} or word == "hyperbolic":
         return "contradicted", found
     return "supported" if words == {"fewer"} and word == "exponential" else "inconclusive", found
@@ -176,8 +176,10 @@ def _of_ours(table: Any, name: str, condition: str, **how: Any) -> Comparison:
 )
 def wall_penalty(table: Any) -> Judged:
     """Two parts."""
-    found = {name: _of_ours(table, "at_wall", name, family=2) for name in ("no learning at walls", "no wall penalty")}
-    words = [one.word for one in found.values()]
+    found = {
+        name: _of_ours(table, "at_wall", name, comparisons=2) for name in ("no learning at walls", "no wall penalty")
+    }
+    words = [one.verdict for one in found.values()]
     if {"the same", "fewer"} & {*words}:
         return "contradicted", found
     return "supported" if words == ["more", "more"] else "inconclusive", found
@@ -195,7 +197,7 @@ def one_snapshot(table: Any) -> Judged:
     names = ("three snapshots", "three snapshots, a third of the step")
     found = {name: _of_ours(table, "total", name, judged=True) for name in names}
     best = min(found.values(), key=lambda one: one.value)
-    return claim(best.word, ("more",), ("the same", "fewer")), found
+    return claim(best.verdict, ("more",), ("the same", "fewer")), found
 
 
 @question(
@@ -209,7 +211,7 @@ def falling_cost(table: Any) -> Judged:
     """Against a constant one."""
     names = ("constant cost", "no approach reward")
     found = {name: _of_ours(table, "total", name, judged=name == names[0]) for name in names}
-    return claim(found["constant cost"].word, ("more",), ("the same", "fewer")), found
+    return claim(found["constant cost"].verdict, ("more",), ("the same", "fewer")), found
 
 
 @question(
@@ -231,7 +233,7 @@ def tens_of_episodes(table: Any) -> Judged:
     total = {name: episodes_of(table, name).sum(axis=1) for name in good}
     for name in list(good)[1:]:
         found[f"{name}.total"] = steps(total["this model"], total[name])
-    ours, *earlier = (found[name].word for name in good)
+    ours, *earlier = (found[name].verdict for name in good)
     if ours == "hundreds" or "tens" in earlier:
         return "contradicted", found
     return "supported" if ours == "tens" and {*earlier} == {"hundreds"} else "inconclusive", found

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from homing_lib.features import Array
-from homing_lib.lambdas import parse
+from homing_lib.lambdas import lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
 from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question
@@ -27,7 +27,7 @@ class Watched:
     """
 
     def __init__(self, name: str) -> None:
-        self._form, self._rule = parse(name).name, parse(name).rule
+        self._form, self._rule = lambda_spec(name).name, lambda_spec(name).rule
         self._phi: Array = np.empty(0)
         self.asked: list[tuple[bool, ...]] = []
 
@@ -113,7 +113,7 @@ def conjugate(table: Any) -> Judged:
     until = found["taken.until"].interval
     found["taken.until"] = of(until, bound(until, 0.05), judged=True)
     verdict = "in part" if (bound(until, 0.05), bound(until, 0.5)) == ("above", "below") else "undecided"
-    if found["taken.until"].word == "below":
+    if found["taken.until"].verdict == "below":
         verdict = "hardly"
     return "mostly" if bound(until, 0.5) == "above" else verdict, found
 

@@ -214,15 +214,15 @@ PAIRS = {"restored.frozen": ("restored", "frozen"), "restored.forgetful": ("rest
 BESIDE = {"frozen.random": ("frozen", "random"), "frozen.untrained": ("frozen", "untrained")}
 
 
-def compared(table: Any, name: str, family: int = 1, **values: Any) -> dict[str, Comparison]:
+def compared(table: Any, name: str, comparisons: int = 1, **values: Any) -> dict[str, Comparison]:
     """Trials of each kind, and the pairs, at both caps."""
     found: dict[str, Comparison] = {}
     tried_here = {KINDS[int(kind)] for kind in table.kind.dropna().unique()}
     kinds = {kind: trials(table, kind, **values) for kind in KINDS if kind in tried_here}
     for cap in CAPS:
         for pair, (ours, theirs) in (PAIRS | BESIDE).items():
-            k = family if pair in PAIRS else 1
-            found[f"{name}.{pair}.{cap}"] = steps(taken(kinds[ours], cap), taken(kinds[theirs], cap), family=k)
+            k = comparisons if pair in PAIRS else 1
+            found[f"{name}.{pair}.{cap}"] = steps(taken(kinds[ours], cap), taken(kinds[theirs], cap), comparisons=k)
     for kind, its in kinds.items():
         found[f"{name}.{kind}.steps"] = estimate(taken(its))
         found[f"{name}.{kind}.cut"] = estimate(taken(its, CAPS[0]))
@@ -231,7 +231,7 @@ def compared(table: Any, name: str, family: int = 1, **values: Any) -> dict[str,
     return found
 
 
-FAMILY = len(ROOMS) * len(PAIRS) * len(CAPS)
+COMPARISONS = len(ROOMS) * len(PAIRS) * len(CAPS)
 
 
 VERDICTS = {
@@ -261,10 +261,12 @@ VERDICTS = {
 )
 def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_start: Any) -> Judged:
     """In six rooms, and from several sides."""
-    found = compared(paper, "paper", FAMILY, episodes=JUDGED_AFTER)
+    found = compared(paper, "paper", COMPARISONS, episodes=JUDGED_AFTER)
     for room in ROOMS[1:]:
-        found |= compared(others, room, FAMILY, room=room)
-    needed = {pair: {found[f"{room}.{pair}.{cap}"].word == "fewer" for room in ROOMS for cap in CAPS} for pair in PAIRS}
+        found |= compared(others, room, COMPARISONS, room=room)
+    needed = {
+        pair: {found[f"{room}.{pair}.{cap}"].verdict == "fewer" for room in ROOMS for cap in CAPS} for pair in PAIRS
+    }
     verdict = "it depends on the room"
     if all(len(everywhere) == 1 for everywhere in needed.values()):
         verdict = VERDICTS[needed["restored.frozen"] == {True}, needed["restored.forgetful"] == {True}]

@@ -162,11 +162,11 @@ def home(table: Any) -> Judged:
     for room in ROOMS:
         here = rows(table, room=room).dropna()
         right = (here.away_m <= FAR_M) & (here.turned_deg.abs() <= TURNED_DEG)
-        share = estimate(right.groupby(here.seed).mean().to_numpy(float), family=len(ROOMS))
+        share = estimate(right.groupby(here.seed).mean().to_numpy(float), comparisons=len(ROOMS))
         found[f"{room}.right"] = of(share.interval, bound(share.interval, 0.95), judged=True)
         found[f"{room}.away_m"] = estimate(here.groupby("seed").away_m.median().to_numpy(float))
         found[f"{room}.turned_deg"] = estimate(here.turned_deg.abs().groupby(here.seed).median().to_numpy(float))
-    count = sum(found[f"{room}.right"].word == "above" for room in ROOMS)
+    count = sum(found[f"{room}.right"].verdict == "above" for room in ROOMS)
     return f"in {count} of {len(ROOMS)} rooms", found
 
 
@@ -193,7 +193,7 @@ def orientation(table: Any) -> Judged:
             more = wider(views, rule)
             word = {"above": "wider", "below": "narrower"}.get(bound(more, 0.0), "undecided")
             found[f"{room}.{rule}"] = of(more, word, judged=True)
-    words = {rule: {found[f"{room}.{rule}"].word for room in ("paper", "attic")} for rule in ("three", "raw")}
+    words = {rule: {found[f"{room}.{rule}"].verdict for room in ("paper", "attic")} for rule in ("three", "raw")}
     if all(word == {"wider"} for word in words.values()):
         return "supported", found
     return "contradicted" if {"narrower"} in words.values() else "inconclusive", found

@@ -78,8 +78,8 @@ def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     for name, table in (("atlas", atlas), ("camera", camera)):
         first, last = first_and_last(table)
         chance = np.full_like(last, random.mean())  # its robots are others: their mean is taken as it is
-        found[f"{name}.of first"] = steps(last, first, family=4)
-        found[f"{name}.of random"] = steps(last, chance, family=4)
+        found[f"{name}.of first"] = steps(last, first, comparisons=4)
+        found[f"{name}.of random"] = steps(last, chance, comparisons=4)
         found[f"{name}.of climb"] = steps(last, np.full_like(last, climb.mean()))
         found |= {f"{name}.first": estimate(first), f"{name}.last": estimate(last)}
         found[f"{name}.typical"] = estimate(last, iqm)
@@ -92,7 +92,9 @@ def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     found["camera.fixed0.late"] = steps(ours[:, -WINDOW:].mean(axis=1), theirs[:, -WINDOW:].mean(axis=1), iqm)
     on_lattice, by_camera = (first_and_last(table)[1][: len(CAMERA_ROBOTS)] for table in (atlas, camera))
     found["lattice.late"] = steps(on_lattice, by_camera, iqm)
-    words = {found[f"{name}.{against}"].word for name in ("atlas", "camera") for against in ("of first", "of random")}
+    words = {
+        found[f"{name}.{against}"].verdict for name in ("atlas", "camera") for against in ("of first", "of random")
+    }
     return "yes" if words == {"fewer"} else "no" if words & {"the same", "more"} else "undecided", found
 
 
@@ -109,7 +111,7 @@ def converges(atlas: Any) -> Judged:
     taken = episodes_of(atlas, "form 2")
     late, much_later = (taken[:, end - WINDOW : end].mean(axis=1) for end in (EPISODES, 100))
     found = {"late": steps(late, much_later, iqm, judged=True), "mean": steps(late, much_later)}
-    return claim(found["late"].word, ("the same", "fewer"), ("more",)), found
+    return claim(found["late"].verdict, ("the same", "fewer"), ("more",)), found
 
 
 @question(
@@ -168,8 +170,8 @@ def first_good(taken: Array) -> Interval:
     """
 
     def first(counts: Array) -> Array:
-        by_episode = mean(taken, counts)
-        good = by_episode <= 1.5 * by_episode[:, -WINDOW:].mean(axis=1, keepdims=True)
+        episode_matrix = mean(taken, counts)
+        good = episode_matrix <= 1.5 * episode_matrix[:, -WINDOW:].mean(axis=1, keepdims=True)
         return 1.0 + np.argmax(good, axis=1)
 
     return bootstrap(first, len(taken))

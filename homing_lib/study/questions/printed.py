@@ -103,9 +103,9 @@ def printed(table: Any) -> Judged:
         if settings.controller == "random":
             continue
         chance = column(table, "late", condition=f"random, {settings.centre}, {settings.variance}")
-        family = 4 if name in letters else 1
-        found[f"{name}.of first"] = steps(late, early, family=family)
-        found[f"{name}.of random"] = steps(late, chance, family=family)
+        comparisons = 4 if name in letters else 1
+        found[f"{name}.of first"] = steps(late, early, comparisons=comparisons)
+        found[f"{name}.of random"] = steps(late, chance, comparisons=comparisons)
         if name != _OURS:
             for endpoint, statistic in (("total", mean), ("late", iqm)):
                 its, ours = (column(table, endpoint, condition=who) for who in (name, _OURS))
@@ -115,7 +115,7 @@ def printed(table: Any) -> Judged:
 
 def learns(found: dict[str, Comparison], name: str) -> bool | None:
     """Whether a row does; None: undecided."""
-    words = {found[f"{name}.{against}"].word for against in ("of first", "of random")}
+    words = {found[f"{name}.{against}"].verdict for against in ("of first", "of random")}
     return True if words == {"fewer"} else False if words & {"the same", "more"} else None
 
 

@@ -185,7 +185,7 @@ def in_paper_drawn() -> Study:
 OPPONENTS = ("fixed0", "best", "draws", "gate")
 """Those that are judged together, under both updates: eight comparisons in a room."""
 
-FAMILY = len(OPPONENTS) * len(UPDATES)
+COMPARISONS = len(OPPONENTS) * len(UPDATES)
 
 
 def robots_of(who: str, room: str, update: str, table: Any, draws: Any) -> Any:
@@ -206,11 +206,11 @@ def lost(robots: Any, room: str, chance: Any) -> Any:
     return ((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float)
 
 
-def against(ours: Any, theirs: Any, room: str, chance: Any, family: int = 1) -> dict[str, Comparison]:
+def against(ours: Any, theirs: Any, room: str, chance: Any, comparisons: int = 1) -> dict[str, Comparison]:
     """Total steps, the same with episodes cut at 500, late steps of the typical robot, and who is lost."""
     a, b = ({name: one[name].to_numpy(float) for name in ("total", "cut", "late")} for one in (ours, theirs))
     return {
-        "total": steps(a["total"], b["total"], family=family),
+        "total": steps(a["total"], b["total"], comparisons=comparisons),
         "cut": steps(a["cut"], b["cut"]),
         "late": steps(a["late"], b["late"], iqm),
         "lost": shares(lost(ours, room, chance), lost(theirs, room, chance)),
@@ -224,8 +224,8 @@ def of_room(room: str, table: Any, draws: Any, chance: Any) -> dict[str, Compari
         ours = robots_of("form2", room, update, table, draws)
         for who in (*OPPONENTS, "mean of form2"):
             theirs = robots_of(who, room, update, table, draws)
-            family = FAMILY if who in OPPONENTS else 1
-            for endpoint, one in against(ours, theirs, room, chance, family).items():
+            comparisons = COMPARISONS if who in OPPONENTS else 1
+            for endpoint, one in against(ours, theirs, room, chance, comparisons).items():
                 found[f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}"] = one
         for who in ("form2", *OPPONENTS):
             robots = robots_of(who, room, update, table, draws)
@@ -241,12 +241,12 @@ def smallest(room: str, update: str, robots: int) -> float:
     ours, theirs = (
         CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
     )
-    return smallest_ratio(ours, theirs, robots, FAMILY)
+    return smallest_ratio(ours, theirs, robots, COMPARISONS)
 
 
 def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> str:
     """Whether form 2 takes fewer total steps than fixed 0, the best fixed lambda and draws: yes, no or undecided."""
-    words = [found[f"{room}.{update}.{who}.total"].word for who in ("fixed0", "best", "draws")]
+    words = [found[f"{room}.{update}.{who}.total"].verdict for who in ("fixed0", "best", "draws")]
     if {"the same", "more"} & {*words}:
         return "no"
     return "yes" if {*words} == {"fewer"} else "undecided"

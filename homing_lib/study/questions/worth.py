@@ -20,7 +20,7 @@ from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
 from homing_lib.study.questions import rooms, varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import Kidnapped, driver
-from homing_lib.study.runs import Columns, by_episode
+from homing_lib.study.runs import Columns, episode_matrix
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, of_kind, rows, study
 
 # --- All episodes counted ---------------------------------------------------------------------------------------------
@@ -31,7 +31,7 @@ EVERY = (5, 10, 15, 20, 30, 40, 50, 60)
 
 def added_up(settings: Settings, seed: int) -> Columns:
     """One row per run: the steps of its first 5, 10, ... episodes, `after_5`, `after_10`, ..."""
-    sums = by_episode([run(settings, seed)])[0].cumsum()
+    sums = episode_matrix([run(settings, seed)])[0].cumsum()
     return {f"after_{number}": sums[number - 1 : number] for number in EVERY}
 
 
@@ -221,7 +221,7 @@ AT = (20, 60)
 OWN_STEP_SIZE = ("hall", "cell")
 """Rooms in which another step size than the default suits form 2 better (`varying.CHOICE`)."""
 
-FAMILY = len(ROOMS) * len(AT)
+COMPARISONS = len(ROOMS) * len(AT)
 
 
 def tried(table: Any, name: str, kind: str, room: str, **values: Any) -> Array:
@@ -253,9 +253,9 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
         for start in ("room", "uniform"):
             ours, climb = (rows(table, room=room, start=start, controller=who) for who in ("sarsa", "climb"))
             for number in EVERY:
-                family = FAMILY if number in AT and start == "room" else 1
+                comparisons = COMPARISONS if number in AT and start == "room" else 1
                 pair = (one[f"after_{number}"].to_numpy(float) for one in (ours, climb))
-                found[f"{room}.{start}.{number}"] = steps(*pair, family=family)
+                found[f"{room}.{start}.{number}"] = steps(*pair, comparisons=comparisons)
             saved = climb[f"after_{AT[0]}"].to_numpy(float) - ours[f"after_{AT[0]}"].to_numpy(float)
             found[f"{room}.{start}.saved"] = estimate(saved)
         for training, episodes, kinds in (("published", 20, KINDS), ("extension", 100, EXTENDED)):
@@ -270,7 +270,7 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
         climb = column(unlearnt, "total", room=room, controller="climb")
         learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
         found[f"{room}.own step size.{AT[0]}"] = steps(learner[: len(climb)], climb)
-    counts = [sum(found[f"{room}.room.{number}"].word == "fewer" for room in ROOMS) for number in AT]
+    counts = [sum(found[f"{room}.room.{number}"].verdict == "fewer" for room in ROOMS) for number in AT]
     return f"within 20 episodes in {counts[0]} of {len(ROOMS)} rooms, within 60 in {counts[1]}", found
 
 
@@ -316,7 +316,7 @@ def kidnapped(table: Any) -> Judged:
         found[f"{name}.carried or begun"] = shares(home[1.0, True], home[1.0, False])
         for light in (LIGHTS[0], LIGHTS[-1]):
             found[f"{name}.light {light:g} or as learnt"] = shares(home[light, False], home[1.0, False])
-    as_many = found["restored.carried or begun"].word
+    as_many = found["restored.carried or begun"].verdict
     enough = bound(found["restored.carried"].interval, 0.95)
     found["restored.carried"] = of(found["restored.carried"].interval, enough, judged=True)
     found["restored.carried or begun"] = found["restored.carried or begun"]._replace(judged=True)

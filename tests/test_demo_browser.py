@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from homing_lib import agent
-from homing_lib.publish.page import PAGE
+from homing_lib.publish.demo import PAGE
 from homing_lib.settings import Settings
 from homing_lib.study import walk
 from tests.browser import CHROMIUM, Browser
@@ -442,7 +442,7 @@ def test_a_gate_on_the_sign_cuts_the_trace_where_the_error_turns(browser):
 
 
 def pictures(folder: Path) -> None:
-    """Screenshots of both views at three widths, light and dark: `python -m tests.test_page_browser FOLDER`."""
+    """Screenshots of both views at three widths, light and dark: `python -m tests.test_demo_browser FOLDER`."""
     for dark in (False, True):
         for width in (390, 1280, 1920):
             with Browser(folder / f"profile-{width}-{dark}", width, dark=dark) as browser:

@@ -1,6 +1,6 @@
 """The demonstration: one HTML file that plays the random walk and the robot in a browser, from disk and offline.
 
-`python -m homing_lib.publish.page` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
+`python -m homing_lib.publish.demo` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
 they need of the library: DATA, which is settings, room, colours and verdicts; the room's textures; the compact atlas.
 """
 

@@ -15,14 +15,14 @@ from homing_lib import thresholds
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves
-from homing_lib.publish.checks import SEED, Wrong, alike, check, expect, hint
 from homing_lib.settings import Settings
 from homing_lib.study import walk
 from homing_lib.study.bootstrap import iqm
 from homing_lib.study.measures import WINDOW
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import episode_matrix
 from homing_lib.study.theorem import Form
 from homing_lib.td import LinearTD
+from homing_lib.teach.checks import SEED, Wrong, alike, check, expect, hint
 from homing_lib.thresholds import Thresholds, stopping_thresholds
 
 # --- 1: the world and its features -----------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ def late_steps(late: Callable[[Run], float]) -> None:
     for finished in (8, 8, 6, 1):
         lengths, lost = rng.integers(20, 200, finished), 0 if finished == 8 else finished + 1
         run = Run(settings, 0, np.zeros((lengths.sum(), len(STEP_COLUMNS))), lengths, np.ones(finished, bool), lost)
-        steps = by_episode([run])[0]
+        steps = episode_matrix([run])[0]
         mistakes = {
             "A run whose weights are lost ends early. Left out, what it did not finish makes it look good.": (
                 lengths[-WINDOW:].mean()
@@ -190,8 +190,8 @@ def on_orthogonal_features(ratio: Callable[[float, float, float], float]) -> Non
 def as_good_as_a_constant(rule: LambdaRule) -> str:
     """At its best step size, and on walks that did not choose it, the rule is better than λ = 0.8 or comparable."""
     found = walk.race({"λ = 0.8": "fixed:0.8", "yours": rule}).verdicts["yours"]
-    told = f"Its error is {found:.2f} of that of λ = 0.8: {found.word}."
-    if found.word not in ("fewer", "the same"):
+    told = f"Its error is {found:.2f} of that of λ = 0.8: {found.verdict}."
+    if found.verdict not in ("fewer", "the same"):
         raise Wrong(f"{told} {_at_rest(rule)}")
     return told
 

@@ -84,7 +84,7 @@ REFUSED = {
 def test_without_pybullet_the_camera_is_refused_in_one_line_with_the_remedy(what):
     program = f"""
 from pathlib import Path
-from homing_lib.publish.commands import main
+from homing_lib.publish.cli import main
 from homing_lib.atlas import camera_available, open_atlas
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError

@@ -16,8 +16,8 @@ from homing_lib import agent
 from homing_lib.agent import STEP_COLUMNS
 from homing_lib.atlas import COMPACT
 from homing_lib.environment import HomingEnv, free_pose
-from homing_lib.lambdas import RULES, dot, parse
-from homing_lib.publish import page
+from homing_lib.lambdas import RULES, dot, lambda_spec
+from homing_lib.publish import demo
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures, robots
@@ -66,7 +66,7 @@ class Engine:
 
 @pytest.fixture(scope="module")
 def engine() -> Iterator[Engine]:
-    engine = Engine(page.scripts())
+    engine = Engine(demo.scripts())
     yield engine
     engine.close()
 
@@ -274,7 +274,7 @@ def test_the_shortest_way_is_as_long(engine):
 
 @pytest.mark.parametrize("rule", RULE_NAMES)
 def test_every_rule_gives_the_same_walks(engine, rule):
-    chosen, seed, steps = parse(rule), 7, []
+    chosen, seed, steps = lambda_spec(rule), 7, []
     rng = np.random.default_rng(seed)
     learner = LinearTD(19, step_size=0.1, discount=1, lambda_rule=chosen.rule, on_zero=chosen.on_zero)
     for _ in range(10):
@@ -409,8 +409,8 @@ def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
 
 
 def test_the_page_is_one_small_file_that_asks_nobody_and_the_same_bytes_twice():
-    built = page.build()
-    assert built == page.build()
+    built = demo.build()
+    assert built == demo.build()
     assert len(built.encode()) <= 6_000_000
     for reaches_out in ("http:", "https:", "fetch(", "XMLHttpRequest", "import(", "WebSocket", "@import", "eval("):
         assert reaches_out not in re.sub(r'id="(atlas|textures)">[^<]*', "", built)
@@ -421,19 +421,19 @@ def test_the_page_is_one_small_file_that_asks_nobody_and_the_same_bytes_twice():
 def test_the_page_that_is_kept_is_what_its_sources_make():
     """Textures aside: their last bits are the processor's."""
     kept, built = (
-        re.sub(r'id="textures">[^<]*', "", text) for text in (page.PAGE.read_text(encoding="utf-8"), page.build())
+        re.sub(r'id="textures">[^<]*', "", text) for text in (demo.PAGE.read_text(encoding="utf-8"), demo.build())
     )
     assert kept == built, "make demo"
 
 
 def test_the_drawing_shows_what_the_camera_sees(engine, arena):
-    room, textures = page.room_data(PAPER)
+    room, textures = demo.room_data(PAPER)
     texels, settings = np.stack(textures).ravel().tolist(), Settings()
     poses = (PAPER.home, PAPER.start, Pose(0.6, 0.3, 1.2), Pose(0.5, 0.7, 2.5))
     drawn = engine(
         f"""(() => {{
           const texels = Uint8Array.from({json.dumps(texels)});
-          const camera = new Camera({json.dumps(room)}, texels, {page.SIDE}, {settings.model_dump_json()});
+          const camera = new Camera({json.dumps(room)}, texels, {demo.SIDE}, {settings.model_dump_json()});
           const pictures = {json.dumps([pose._asdict() for pose in poses])}.map((pose) => camera.picture(pose, 64));
           return pictures.map((picture) => [...picture]);
         }})()"""
@@ -462,7 +462,7 @@ MISTAKES = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_in_the_page_is_noticed(mistake):
     right, wrong = MISTAKES[mistake]
-    source = page.scripts()
+    source = demo.scripts()
     assert source.count(right) == 1
     broken = Engine(source.replace(right, wrong))
     try:

@@ -1,6 +1,6 @@
 """The two archives of the lab: the students', who set it up from there, and the teacher's, with all solutions executed.
 
-`python -m homing_lib.publish.handouts` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
+`python -m homing_lib.teach.handouts` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
 """
 
 import logging

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from homing_lib.errors import RESUMES, UserError, nearest, shown
+from homing_lib.parallel import quieten
 from homing_lib.settings import Settings
-from homing_lib.storage import whole, write_bytes
-from homing_lib.study.quiet import quieten
+from homing_lib.storage import atomic_write, write_bytes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -128,7 +128,7 @@ def _run(options: argparse.Namespace) -> None:
     from homing_lib.study.questions.printed import LETTER
 
     settings = changed_settings(options.set, LETTER if options.as_printed else Settings())
-    with whole(options.out) if options.out else nullcontext() as part:
+    with atomic_write(options.out) if options.out else nullcontext() as part:
         if part:
             part.touch()  # tried before any work is done
         # Late, so that it does not stand beside a refusal.

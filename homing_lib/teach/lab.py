@@ -14,13 +14,13 @@ import pandas as pd
 
 from homing_lib import lambdas
 from homing_lib.features import Array
-from homing_lib.publish import checks
-from homing_lib.publish.checks import SEED, Outcome, Wrong, alike, check, expect, hint
 from homing_lib.settings import Settings
 from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives as what_drives
-from homing_lib.study.runs import by_episode
+from homing_lib.study.runs import episode_matrix
 from homing_lib.td import LinearTD
+from homing_lib.teach import checks
+from homing_lib.teach.checks import SEED, Outcome, Wrong, alike, check, expect, hint
 
 # --- Task 1: the trace -----------------------------------------------------------------------------------------------
 
@@ -171,12 +171,12 @@ STEPS = 12
 GAMMA = 0.9
 
 
-def parting(seed: int) -> theorem.Parting:
+def parting(seed: int) -> theorem.Distance:
     """TD(λ_t) beside conjugate gradient on random features and rewards of a seed, form 2, of STEPS steps."""
     rng = np.random.default_rng(seed)
     phi, reward = rng.uniform(0.2, 1, (STEPS + 1, 5)), rng.uniform(0.3, 1, STEPS)
     reward *= np.where(rng.random(STEPS) < 0.15, -1, 1) * 0.9 ** np.arange(STEPS)
-    return theorem.parting(phi, reward, discount=GAMMA)
+    return theorem.distance_from_cg(phi, reward, discount=GAMMA)
 
 
 @check("3 · until the first reset")
@@ -349,10 +349,9 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
     """What to say of a rule that does not lose, Wrong for one that does. judge, choose: seeds as of `walk.race`."""
     found = walk.race({"λ = 0.8": lambdas.Fixed(0.8), "the rule": rule}, choose, judge)
     against = found.verdicts["the rule"]
-    told = (
-        f"Its error is {against:.2f} of that of λ = 0.8, at α = {found.step_size['the rule']:g}: {WORDS[against.word]}."
-    )
-    if against.word != "more":
+    step_size, verdict = found.step_size["the rule"], WORDS[against.verdict]
+    told = f"Its error is {against:.2f} of that of λ = 0.8, at α = {step_size:g}: {verdict}."
+    if against.verdict != "more":
         return told
     undefined, kept = _asked_how_often(rule, judge, found.step_size["the rule"])
     why = "With which λ would the reward of an end reach the middle sooner?"
@@ -401,9 +400,9 @@ def robot(rule: lambdas.LambdaRule, seeds: range = range(1000)) -> rules.Rules:
 @cache
 def _rivals(seeds: range) -> Mapping[str, Array]:
     """The steps of the others, who are the same for every rule."""
-    learnt = rules.compare({label: lambdas.parse(rule).rule for label, rule in RIVALS.items()}, seeds)
+    learnt = rules.compare({label: lambdas.lambda_spec(rule).rule for label, rule in RIVALS.items()}, seeds)
     climb = Settings(images="compact", controller="climb")
-    climbed = engine.side_by_side(lambda seed: by_episode([engine.run(climb, seed)])[0], seeds, [])
+    climbed = engine.side_by_side(lambda seed: episode_matrix([engine.run(climb, seed)])[0], seeds, [])
     return {**learnt.steps, "the climb": np.array(climbed)}
 
 
@@ -429,12 +428,12 @@ def read(words: Any, found: rules.Rules) -> str:
     _complete(words, [*found.verdicts])
     mine = {"fewer": "worse", "more": "better"}  # by what the other takes
     for label, against in found.verdicts.items():
-        said, right = words[label], mine.get(against.word, "tie")
+        said, right = words[label], mine.get(against.verdict, "tie")
         if said not in ("better", "worse", "tie"):
             raise Wrong(f"{label}: say better, worse or tie.")
         if said == right:
             continue
-        if against.word == "the same":
+        if against.verdict == "the same":
             raise Wrong(f"{label}: {against:.2f} lies between 0.91 and 1.1, whatever side of 1: a tie.")
         if right == "tie":
             raise Wrong(f"{label}: {against:.2f} holds 1, so that chance may have done it.")
@@ -517,7 +516,7 @@ def report() -> None:
     print(f"{sum(outcome.verdict == 'proven' for outcome in found)} of {len(TASKS)} proven.")
 
 
-def recap(seen: theorem.Parting, raced: walk.Race, found: rules.Rules, tried: Mapping[str, Array]) -> None:
+def recap(seen: theorem.Distance, raced: walk.Race, found: rules.Rules, tried: Mapping[str, Array]) -> None:
     """Print what each task should have shown, in a line each. seen, raced, found, tried: what tasks 3, 4, 6 and 7
     computed."""
     steps = ceil(log(0.5) / log(0.9 * 0.8))

@@ -1,0 +1,1 @@
+"""What a class uses: the lab, its checks, exercises, and what is handed out."""
