@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from functools import cache
 from math import cos, isfinite, pi, sin
 from operator import index
 from typing import Any, Literal
@@ -164,13 +163,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
             self.world = self._arena = arena.Arena(self.room, settings)
         else:
-            open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
-            self.world = self._atlas = open_one(self.room, settings)
+            open_ = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
+            self.world = self._atlas = open_(self.room, settings)
         self.model = model
         try:
             self.home = self.free("home", self.room.home if home is None else home)
-            usual = "uniform" if settings.start == "uniform" else self.room.start
-            self.start = self.start_pose(usual if start is None else start)
+            default = "uniform" if settings.start == "uniform" else self.room.start
+            self.start = self.start_pose(default if start is None else start)
         except UserError:
             self.close()
             raise
@@ -190,7 +189,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
         """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.survey.survey`."""
         if self.model is None:
-            key = _seen_by(self.settings), self.room.description, self.home, repr(self._survey_seed)
+            seen = repr(self.settings.of_scope("view", "lattice", "survey"))
+            key = seen, self.room.description, self.home, repr(self._survey_seed)
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
                 _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)
@@ -280,7 +280,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
     def _require_elsewhere(self, model: HomeModel) -> None:
-        """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Mostly one tells."""
+        """UserError if home is everywhere: each of a hundred views from anywhere passes for it."""
         rng = np.random.default_rng(0)
         views = (self.world.histogram(free_pose(self.world, self.room, rng)) for _ in range(100))
         if all(similarity(model.features(view)) >= self._psi_upper for view in views):
@@ -338,12 +338,6 @@ def reward(
     if at_wall:
         gain -= settings.wall_penalty
     return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
-
-
-@cache
-def _seen_by(settings: Settings) -> str:
-    """What a survey depends on of the settings."""
-    return repr(settings.of_scope("view", "lattice", "survey"))
 
 
 def seed_of(what: str, seed: Any) -> Any:

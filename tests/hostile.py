@@ -428,7 +428,7 @@ class Campaign:
         how = self.harm(path)
         if mine == self.atlas:
             with contextlib.redirect_stderr(io.StringIO()) as errors:
-                arrays = atlas._read(path)
+                arrays = atlas.read_stored(path)
             if arrays is None:
                 return refusal(errors.getvalue() or "missing")
             _, sound = read_arrays(mine)
