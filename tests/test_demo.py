@@ -156,8 +156,6 @@ def test_every_rule_gives_the_same_run(engine, rule):
     "changes",
     [
         {"update": "all"},
-        {"traces": "replacing"},
-        {"traces": "dutch", "update": "all"},
         {"mixture": "normalised"},
         {"mixture": "literal", "tau0": 1.0},
         {"bootstrap_terminal": False},
