@@ -48,8 +48,9 @@ class Agent(Protocol):
 
         run(settings, seed, agent=lambda settings, rng: MyAgent(settings.n_features, rng))
 
-    rng: the agent's own generator, fixed by the seed. Whatever the agent draws from it, the survey, the starts and the
-    world's chance (reflex, wheel slip) are those of the seed, so that two agents can be compared robot by robot.
+    rng: the agent's own generator, fixed by the seed. The survey, the start and the world's generator are fixed too, so
+    that agents can be compared seed by seed (where their paths part, so does what the world draws: the reflex's side,
+    wheel slip, later uniform starts).
     """
 
     def begin_episode(self, number: int) -> None:

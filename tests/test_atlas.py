@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from math import hypot, sqrt
+from math import sqrt
 from pathlib import Path
 from time import sleep
 
@@ -18,10 +18,8 @@ import pytest
 pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_without_pybullet.py does without
 
 from homing_lib import atlas
-from homing_lib.agent import run
 from homing_lib.arena import Arena
 from homing_lib.atlas import Lattice, open_atlas, read_stored
-from homing_lib.environment import HomingEnv
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
 from homing_lib.storage import npz_bytes, read_arrays
@@ -154,28 +152,6 @@ def test_outside_the_room_everything_is_in_the_way_and_inside_an_obstacle_is_no_
         assert looked_up.clearance(x, y) < 0
     with pytest.raises(ValueError, match=r"pose \(1.110, 0.500\)"):
         fine.histogram(Pose(1.11, 0.50, 0.0))  # the television
-
-
-def test_a_seed_fixes_a_run_with_an_atlas_to_the_bit(coarse, monkeypatch):
-    monkeypatch.setattr(atlas, "FOLDER", coarse)
-    once, again = run(SETTINGS, 3), run(SETTINGS, 3)
-    assert len(once.steps) > 50
-    assert once.steps.tobytes() == again.steps.tobytes() != run(SETTINGS, 4).steps.tobytes()
-
-
-def test_similarity_along_an_episode_is_the_cameras_at_the_nearest_lattice_pose(coarse, monkeypatch):
-    monkeypatch.setattr(atlas, "FOLDER", coarse)
-    lattice = Lattice(PAPER, SETTINGS)
-    with HomingEnv(SETTINGS, observation="features") as env, Arena(PAPER, SETTINGS) as world:
-        _, info = env.reset(seed=0)
-        for action in (2, 0, 2, 1, 0, 2):
-            x, y, heading = info["pose"]
-            k = round((heading - PAPER.home.heading) / (2 * np.pi) * lattice.headings)
-            i, j = round((x - lattice.x0) / lattice.spacing), round((y - lattice.y0) / lattice.spacing)
-            nearest = lattice.pose(i, j, k)
-            assert hypot(nearest.x - x, nearest.y - y) <= lattice.spacing / sqrt(2)
-            assert info["similarity"] == pytest.approx(env.model.features(world.histogram(nearest)).mean(), abs=1e-12)
-            *_, info = env.step(action)
 
 
 # Building

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_lib.lambdas import RULES, TAKES_AND_RETURNS, Fixed, lambda_spec
+from homing_lib.lambdas import TAKES_AND_RETURNS, Fixed, lambda_spec
 from homing_lib.sarsa import Diverged, LinearQ, LinearSarsa, decayed, dutch, td_error
 from homing_lib.study.theorem import ConjugateTD
 from homing_lib.td import LinearTD, TrueOnlineTD
@@ -209,25 +209,6 @@ def test_q_equals_watkins_tabular_algorithm_as_the_textbook_writes_it(lambda_, s
         e = gamma * lambda_ * e if greedy else np.zeros_like(e)
         np.testing.assert_allclose(learner.weights, q, rtol=1e-12, atol=1e-13)
         s, a = s_next, a_next
-
-
-@pytest.mark.parametrize("rule", RULES)
-def test_q_learns_the_best_values_of_a_corridor_from_random_actions(rule):
-    # States 0..4, left or right, -1 a step, out at the right end: Q(s, right) = s - 5, Q(s, left) one step worse.
-    rng = np.random.default_rng(22)
-    features, goal = np.eye(5), 5
-    learner = make(LinearQ, n=5, rule=rule)
-    for _ in range(600):
-        learner.begin_episode()
-        s, a = rng.integers(5), rng.integers(2)
-        while s != goal:
-            s_next, a_next = max(0, s + 2 * a - 1), rng.integers(2)
-            phi_next = None if s_next == goal else features[s_next]
-            learner.update(features[s], a, -1, phi_next, a_next, terminal=s_next == goal)
-            s, a = s_next, a_next
-    best = np.arange(5) - 5.0
-    np.testing.assert_allclose(learner.weights[1], best, atol=0.05)
-    np.testing.assert_allclose(learner.weights[0], best[[0, 0, 1, 2, 3]] - 1, atol=0.05)
 
 
 # Refusals

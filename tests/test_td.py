@@ -149,7 +149,7 @@ def test_the_step_size_may_change_between_steps():
     learner.step_size = 0.01
     learner.update([0, 1], 1, [0, 0])
     assert learner.weights == pytest.approx([0.1, 0.01])
-    with pytest.raises(ValueError, match="step_size .* got 0"):
+    with pytest.raises(ValueError, match=r"step_size .* got 0"):
         learner.step_size = 0
     assert learner.step_size == 0.01
 

@@ -37,5 +37,5 @@ def test_both_forms_rise_with_the_multiplier_and_stay_below_one_and_the_second_r
 @pytest.mark.parametrize("multiplier", [0, -1, float("nan")])
 @pytest.mark.parametrize("form", [linear, square_root, stopping_thresholds])
 def test_a_multiplier_that_is_not_positive_is_refused(form, multiplier):
-    with pytest.raises(ValueError, match="multiplier = .* greater than 0"):
+    with pytest.raises(ValueError, match=r"multiplier = .* greater than 0"):
         form(multiplier)
