@@ -128,28 +128,14 @@ class Experiment {
     return happened;
   }
 
-  // To the end of the episode under way, or of the next.
-  episode() {
-    const before = this.episodes.length;
-    while (!this.done && this.episodes.length === before) this.step();
-  }
-
   // Carry the robot elsewhere: it sees so at its next step.
   kidnap(pose) {
     this.env.robot.place(pose);
   }
 }
 
-// The whole run.
-function run(world, settings, seed) {
-  const experiment = new Experiment(world, settings, seed);
-  while (!experiment.done) experiment.episode();
-  return experiment;
-}
-
-// The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures.
-const shortest = (env) => drained(searching(env));
-
+// The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures; yields
+// between poses and returns it.
 function* searching(env) {
   const { world, settings, psi, robot } = env;
   const seen = new Set();

@@ -79,7 +79,8 @@ function distance(a, b) {
   return row[b.length];
 }
 
-// The rule that a text describes. Throws Error, a sentence for the reader.
+// The rule that a text describes, by recursive descent: each function reads what binds more tightly than the one before it,
+// and returns what a step makes of it, or the name of a vector. Throws an Error for the reader.
 function ownRule(text) {
   const list = tokens(text.replace(/^\s*return\b/, ""));
   let at = 0;
@@ -87,9 +88,15 @@ function ownRule(text) {
   const take = (...texts) => (peek(...texts) ? list[at++].text : null);
   const here = () => (at < list.length ? `before “${list[at].text}”` : "at the end");
 
+  const isVector = (node) => typeof node === "string";
   const scalar = (node, what) => {
-    if (node.vector) throw new Error(`${node.vector} is a vector, and ${what} takes a number: dot(${node.vector}, phi) is one.`);
-    return node.value;
+    if (isVector(node)) throw new Error(`${node} is a vector, and ${what} takes a number: dot(${node}, phi) is one.`);
+    return node;
+  };
+  const inner = (nodes, what) => {
+    if (!nodes.every(isVector)) throw new Error(`${what}: phi, phi_prev or trace_prev.`);
+    const [a, b] = nodes.map((node) => VECTORS[node]);
+    return (s) => dot(s[a], s[b]);
   };
   const need = (sign, why) => {
     if (!take(sign)) throw new Error(`A “${sign}” is missing ${here()}${why}.`);
@@ -101,14 +108,14 @@ function ownRule(text) {
       const condition = scalar(either(), "if");
       need("else", ": write a if condition else b");
       const [yes, no] = [scalar(first, "if"), scalar(choice(), "else")];
-      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+      return (s) => (condition(s) ? yes(s) : no(s));
     }
     if (take("?")) {
       const condition = scalar(first, "?");
       const yes = scalar(choice(), "?");
       need(":", ": write condition ? a : b");
       const no = scalar(choice(), ":");
-      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+      return (s) => (condition(s) ? yes(s) : no(s));
     }
     return first;
   }
@@ -118,19 +125,19 @@ function ownRule(text) {
     let left = operand();
     for (let sign; (sign = take(...Object.keys(operators))); ) {
       const [a, b] = [scalar(left, sign), scalar(operand(), sign)];
-      left = { value: operators[sign](a, b) };
+      left = operators[sign](a, b);
     }
     return left;
   };
-  const product = leftToRight(PRODUCTS, signed);
-  const total = leftToRight(SUMS, product);
+  const term = leftToRight(PRODUCTS, signed);
+  const total = leftToRight(SUMS, term);
   const both = leftToRight(CONJUNCTIONS, inverted);
   const either = leftToRight(DISJUNCTIONS, both);
 
   function inverted() {
     if (!take("not")) return comparison();
     const a = scalar(inverted(), "not");
-    return { value: (s) => +!a(s) };
+    return (s) => +!a(s);
   }
 
   // As in Python, a < b < c means both.
@@ -142,47 +149,44 @@ function ownRule(text) {
     }
     if (!signs.length) return compared[0];
     const parts = compared.map((node) => scalar(node, signs[0]));
-    return { value: (s) => {
+    return (s) => {
       const values = parts.map((part) => part(s));
       return +signs.every((sign, i) => COMPARISONS[sign](values[i], values[i + 1]));
-    } };
+    };
   }
 
   function signed() {
     const sign = take("-", "+");
     if (!sign) return power();
     const a = scalar(signed(), sign);
-    return { value: sign === "-" ? (s) => -a(s) : a };
+    return sign === "-" ? (s) => -a(s) : a;
   }
 
   function power() {
-    const base = inner();
+    const base = vectors();
     if (!take("**")) return base;
     const [a, b] = [scalar(base, "**"), scalar(signed(), "**")];
-    return { value: (s) => defined(a(s) ** b(s)) };
+    return (s) => defined(a(s) ** b(s));
   }
 
   // Of two vectors: it binds as tightly as a name.
-  function inner() {
+  function vectors() {
     const left = atom();
-    if (!left.vector || !take("·")) return left;
-    const right = atom();
-    if (!right.vector) throw new Error(`${left.vector}· takes another vector: phi, phi_prev or trace_prev.`);
-    const [a, b] = [VECTORS[left.vector], VECTORS[right.vector]];
-    return { value: (s) => dot(s[a], s[b]) };
+    return isVector(left) && take("·") ? inner([left, atom()], `${left}· takes another vector`) : left;
   }
 
   function atom() {
     const token = list[at];
-    if (!token) throw new Error(list.length ? "Something is missing at the end." : "Type what lambda shall be, such as 0.5 or delta / delta_prev.");
+    if (!list.length) throw new Error("Type what lambda shall be, such as 0.5 or delta / delta_prev.");
+    if (!token) throw new Error("Something is missing at the end.");
     if (token.number !== undefined) {
       at++;
-      return { value: () => token.number };
+      return () => token.number;
     }
     if (take("(")) {
-      const inner = choice();
+      const enclosed = choice();
       need(")", "");
-      return inner;
+      return enclosed;
     }
     if (!token.name || WORDS.includes(token.name)) throw new Error(`A number or a name is missing ${here()}.`);
     at++;
@@ -190,26 +194,17 @@ function ownRule(text) {
   }
 
   function named(name) {
-    if (name === "True" || name === "False") return { value: () => +(name === "True") };
-    if (Object.hasOwn(NUMBERS, name)) {
-      const key = NUMBERS[name];
-      return { value: (s) => s[key] };
-    }
-    if (Object.hasOwn(VECTORS, name)) return { vector: name };
-    if (name === "dot") {
-      const [a, b] = parameters(name, 2, 2).map((node) => {
-        if (!node.vector) throw new Error("dot takes two vectors: phi, phi_prev or trace_prev.");
-        return VECTORS[node.vector];
-      });
-      return { value: (s) => dot(s[a], s[b]) };
-    }
+    if (name === "True" || name === "False") return () => +(name === "True");
+    if (Object.hasOwn(NUMBERS, name)) return (s) => s[NUMBERS[name]];
+    if (Object.hasOwn(VECTORS, name)) return name;
+    if (name === "dot") return inner(parameters(name, 2, 2), "dot takes two vectors");
     if (Object.hasOwn(FUNCTIONS, name)) {
       const [least, most, apply] = FUNCTIONS[name];
       const parts = parameters(name, least, most).map((node) => scalar(node, name));
-      return { value: (s) => defined(apply(...parts.map((part) => part(s)))) };
+      return (s) => defined(apply(...parts.map((part) => part(s))));
     }
-    const known = [...Object.keys(NUMBERS), ...Object.keys(VECTORS), ...Object.keys(FUNCTIONS), "dot"];
-    const nearest = known.toSorted((a, b) => distance(name, a) - distance(name, b))[0];
+    const known = [NUMBERS, VECTORS, FUNCTIONS, { dot }].flatMap((names) => Object.keys(names));
+    const [nearest] = known.toSorted((a, b) => distance(name, a) - distance(name, b));
     if (/^lamb?da/.test(name)) throw new Error("λ is what you compute here: write its value, such as delta / delta_prev.");
     const guess = distance(name, nearest) <= Math.max(1, name.length / 3) ? `Did you mean ${nearest}? ` : "";
     throw new Error(`“${name}” is not known. ${guess}There are ${known.join(", ")}.`);
@@ -227,8 +222,8 @@ function ownRule(text) {
 
   const value = scalar(choice(), "λ");
   if (at < list.length) {
-    const closed = list[at].text === ")" ? "A “)” has no “(” before it." : `“${list[at].text}” does not fit there. Is an operator missing before it?`;
-    throw new Error(closed);
+    if (peek(")")) throw new Error("A “)” has no “(” before it.");
+    throw new Error(`“${list[at].text}” does not fit there. Is an operator missing before it?`);
   }
   return (step) => {
     try {
