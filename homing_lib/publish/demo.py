@@ -28,7 +28,7 @@ PAGE = ROOT / "notebooks" / "executed" / "demo.html"
 CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "compare.js", "camera.js")
 """The model in JavaScript, in the order in which it is read; it needs no browser."""
 
-VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
+VIEW = ("draw.js", "state.js", "play.js", "walk.js", "robot.js", "room.js", "curves.js", "save.js", "page.js")
 """What is shown of it, and how it is controlled."""
 
 SHOWN = {"walk": ("C1", "conjugate"), "robot": ("drives", "varying", "worth", "C8", "C9")}
