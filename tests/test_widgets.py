@@ -1,5 +1,7 @@
 """The controls of notebooks 3 and 4 draw their figure anew, and what they draw says what was chosen."""
 
+from unittest.mock import Mock
+
 import ipywidgets
 import numpy as np
 import pytest
@@ -11,44 +13,37 @@ from homing_lib.study import walk
 from homing_lib.teach import widgets
 
 
-class Display:
-    """Stands in for IPython's `display`: what was shown, and what it was replaced by."""
-
-    def __init__(self):
-        self.shown, self.updates = [], []
-
-    def __call__(self, what, display_id=False):
-        self.shown.append(what)
-        return self if display_id else None
-
-    def update(self, what):
-        self.updates.append(what)
-
-
 @pytest.fixture
-def page(monkeypatch):
-    monkeypatch.setattr(widgets, "display", page := Display())
-    return page
+def display(monkeypatch):
+    """Stands in for IPython's: what was shown, and what that was replaced by."""
+    monkeypatch.setattr(widgets, "display", display := Mock())
+    return display
 
 
-def test_under_the_controls_stands_the_figure_of_their_first_values(page):
-    figure, asked = Figure(), []
-    assert widgets.play(lambda **values: asked.append(values) or figure, lambda_=0.5, step_size=0.3) is figure
-    assert asked == [{"lambda_": 0.5, "step_size": pytest.approx(0.3)}]
-    box, below = page.shown
-    assert isinstance(box, ipywidgets.HBox)
+def test_under_the_controls_stands_the_figure_of_their_first_values(display):
+    figure, draw = Figure(), Mock()
+    draw.return_value = figure
+    assert widgets.play(draw, lambda_=0.5, step_size=0.3) is figure
+    draw.assert_called_once_with(lambda_=0.5, step_size=0.3)
+    (box,), (below,) = (call.args for call in display.call_args_list)
+    assert [type(child) for child in box.children] == [ipywidgets.FloatSlider, ipywidgets.FloatLogSlider]
     assert below is figure
-    assert page.updates == []
+    display.return_value.update.assert_not_called()
 
 
-def test_each_control_draws_the_figure_anew_with_the_values_of_all(page):
-    drawn = []
-    widgets.play(lambda **values: drawn.append(values) or Figure(), rule="fixed", lambda_=0.5, step_size=0.3)
-    rule, lambda_, step_size = page.shown[0].children
-    rule.value, lambda_.value, step_size.value = "gate", 0.75, 0.03
-    assert drawn[-1] == {"rule": "gate", "lambda_": 0.75, "step_size": pytest.approx(0.03)}
-    assert len(drawn) == 4
-    assert len(page.updates) == 3
+def test_each_control_draws_the_figure_anew_with_the_values_of_all(display):
+    draw = Mock(side_effect=lambda **_: Figure())
+    widgets.play(draw, rule="fixed", lambda_=0.5, step_size=0.3)
+    rule, lambda_, step_size = display.call_args_list[0].args[0].children
+    rule.value, lambda_.value, step_size.value = "gate", 0.75, 0.04
+    assert draw.call_args.kwargs == {"rule": "gate", "lambda_": 0.75, "step_size": pytest.approx(0.04)}
+    assert draw.call_count == 4
+    assert display.return_value.update.call_count == 3
+
+
+def test_a_step_size_may_be_ten_times_smaller_or_greater():
+    slider = widgets.control("step_size", 0.3)
+    assert (slider.base**slider.min, slider.base**slider.max) == pytest.approx((0.03, 3.0))
 
 
 @pytest.mark.parametrize("rule", widgets.RULES)
