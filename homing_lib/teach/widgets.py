@@ -13,7 +13,7 @@ import numpy as np
 from IPython.display import display
 from matplotlib.figure import Figure
 
-from homing_lib.publish import figures, plots
+from homing_lib.publish import curves, plans
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.study import engine, walk
@@ -88,7 +88,7 @@ def on_the_walk(rule: str, lambda_: float, step_size: float) -> Figure:
     )
     title = f"Mean error {ours.mean():.2g} with {called}, step size {step_size:.2g}; {theirs.mean():.2g} with {best}"
     tables = {called: np.minimum(ours, top), "for comparison": np.minimum(theirs, top)}
-    return plots.curves({title: tables}, f"error, drawn up to {top:g}", log=False)
+    return curves.by_episode(title, tables, f"error, drawn up to {top:g}")
 
 
 def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
@@ -101,4 +101,4 @@ def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
             ways.append((f"episode {number}: {run.lengths[number - 1]} steps", run.episode(number)[:, :2]))
         else:
             ways.append((f"episode {number}: weights lost", np.empty((0, 2))))
-    return figures.paths({"one run": ways}, room_named(settings.room))
+    return plans.paths({"one run": ways}, room_named(settings.room))
