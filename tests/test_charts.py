@@ -96,33 +96,12 @@ def words(texts) -> list[str]:
 
 
 def test_an_undecided_interval_is_hollow_and_the_key_names_the_words_that_are_met():
-    figure = forest(Panel("steps", {name: [found] for name, found in WORDS.items()}, 1, True))
+    figure = forest(Panel("steps", {name: [found] for name, found in WORDS.items()}))
     assert marks(figure.axes[0]) == [("o", True), ("s", True), ("D", True), ("D", False), ("o", True)]
     assert words(figure.legends[0].texts) == ["fewer", "more", "the same", "undecided"]
     figure = forest(Panel("steps", {"a": [WORDS["more"]]}), series=["one"])
     assert words(figure.legends[0].texts) == ["one", "more"]
     assert forest(Panel("steps", {"a": [WORDS[""]]})).legends == []
-
-
-def test_a_row_holds_its_numbers_one_above_the_other_each_with_its_interval():
-    (axes,) = drawn(forest(Panel("steps", {"a": [number(2), number(3)], "b": [number(4), number(5)]}, 1)))
-    assert places(axes) == [(INK, 2, -0.16), (GREY, 3, 0.16), (INK, 4, 0.84), (GREY, 5, 1.16)]
-    assert spans(axes) == [[1.8, 2.4], [2.7, 3.6], [3.6, 4.8], [4.5, 6.0]]
-    assert [line.get_xdata() for line in axes.lines][-1] == [1, 1]
-    assert axes.get_ylim() == (1.5, -0.5)
-    assert words(axes.get_yticklabels()) == ["a", "b"]
-
-
-def test_the_papers_update_is_black_and_the_other_grey_against_every_opponent():
-    found = {
-        f"paper.{update}.{opponent}.{endpoint}": number(value + row)
-        for value, update in ((1, "taken"), (3, "all"))
-        for row, opponent in enumerate(forests.OPPONENTS.values())
-        for endpoint in ("total", "late", "lost")
-    }
-    for axes, reference in zip(drawn(forests.varying(found)), (1, 1, 0), strict=True):
-        assert [(colour, x) for colour, x, _ in places(axes)][:4] == [(INK, 1), (GREY, 3), (INK, 2), (GREY, 4)]
-        assert axes.lines[-1].get_xdata() == [reference, reference]
 
 
 def test_a_letter_that_learns_is_a_disc_and_one_that_does_not_a_square():
@@ -147,32 +126,6 @@ def test_learning_on_is_a_disc_and_frozen_a_square_and_a_line_joins_the_least_an
     assert places(axes) == [(SKY, 30, 0), (AMBER, 90, 0), (AMBER, 60, 0)]
     assert marks(axes) == [("o", True), ("s", True), ("s", False)]
     assert words(figure.legends[0].texts) == ["R", "F", "U"]
-
-
-def test_everywhere_has_the_starts_side_by_side_and_everyone_tried_in_each_room():
-    names = [f"{room}.{name}" for room in ("x", "y") for name, _ in forests.TRIED.values()]
-    found = {f"{name}.start_steps": number(20 + at) for at, name in enumerate(names)}
-    found |= {f"{name}.steps": number(60 + at) for at, name in enumerate(names)}
-    for axes, first in zip(drawn(forests.everywhere(found, ["x", "y"])), (20, 60), strict=True):
-        assert [(x, y) for _, x, y in places(axes)] == [(first + at, at // 7) for at in range(14)]
-
-
-def test_a_short_logarithmic_axis_has_more_than_one_number_though_it_is_narrow():
-    for axes in drawn(forest(*[Panel("ratio", {"a": [Comparison(1.0, 0.8, 1.3)]}, 1, True)] * 3)):
-        low, high = axes.get_xlim()
-        assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 3
-
-
-def test_the_fewest_steps_of_each_row_of_the_matrix_are_bold():
-    rows = ("declared", *charts.LEARNERS.values())
-    found = {
-        f"matrix.attic.{row}.{learner}.steps": number(100 * (1 + (row == learner)))
-        for row in rows
-        for learner in charts.LEARNERS.values()
-    } | {"matrix.attic.fixed.masked.steps": number(50), "matrix.attic.declared.form2.steps": number(40)}
-    (axes,) = drawn(charts.matrix(found, ["attic"]))
-    bold = [(text.get_text(), *text.get_position()) for text in axes.texts if text.get_weight() == "bold"]
-    assert bold == [("40", 0.5, 0.5), ("100", 1.5, 1.5), ("50", 3.5, 2.5), ("100", 0.5, 3.5), ("100", 0.5, 4.5)]
 
 
 def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():

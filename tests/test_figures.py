@@ -11,9 +11,12 @@ matplotlib.use("Agg")
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 
 from homing_lib.publish import charts, figures, forests, style
 from homing_lib.storage import ROOT
+from homing_lib.study import findings, studies
+from homing_lib.study.questions.rooms import CALIBRATED_IN
 
 DRAWS = """
 import sys
@@ -51,6 +54,22 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     figures.save(charts.passing_shares({"some": 0.1}), None, "nowhere")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "question", "plot"),
+    [
+        ("varying", "varying", forests.varying),
+        ("varying-own", "varying", forests.own_mean),
+        ("rooms", "rooms", lambda found: forests.rooms(found, studies.ROOMS)),
+        ("rooms-matrix", "rooms", lambda found: charts.matrix(found, CALIBRATED_IN)),
+        ("worth-everywhere", "worth", lambda found: forests.everywhere(found, studies.ROOMS)),
+    ],
+)
+def test_a_stored_figure_shows_what_is_stored_as_found(tmp_path, name, question, plot):
+    figures.save(plot(findings.finding(question)), tmp_path, name)
+    stored = imread(ROOT / "figures" / f"{name}.png")
+    np.testing.assert_array_equal(imread(tmp_path / f"{name}.png"), stored, err_msg="`make notebooks` draws it anew")
 
 
 # --- Colours ----------------------------------------------------------------------------------------------------------

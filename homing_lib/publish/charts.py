@@ -104,7 +104,7 @@ KEPT = {
 
 
 @styled
-def conjugate(found: Finding, lambda_: Array, reset: NDArray[np.bool_]) -> Figure:
+def conjugate(finding: Finding, lambda_: Array, reset: NDArray[np.bool_]) -> Figure:
     """lambda_t of one episode, its resets marked; and what becomes of the steps of all, by update."""
     figure, (trace, shares) = panels(2.1, 2, width_ratios=[1.7, 1])
     step, blue = np.arange(1, len(lambda_) + 1), COLOURS["form 2"]
@@ -115,7 +115,7 @@ def conjugate(found: Finding, lambda_: Array, reset: NDArray[np.bool_]) -> Figur
     trace.set_title("hollow: reset to 0 or 1")
     for place, name in enumerate(KEPT.values()):
         for update, colour, up in (("taken", INK, -0.15), ("all", GREY, 0.15)):
-            value, low, high = (100 * end for end in found[f"{update}.{name}"].interval)
+            value, low, high = (100 * end for end in finding[f"{update}.{name}"].interval)
             shares.barh(place + up, value, 0.28, color=colour)
             shares.hlines(place + up, low, high, color="0.5", linewidth=1)
     name_rows(shares, KEPT)
@@ -153,7 +153,7 @@ LEARNERS = {"form 2": "form2", "fixed λ": "fixed", "standard": "standard", "sta
 
 
 @styled
-def matrix(found: Finding, rooms: Sequence[str]) -> Figure:
+def matrix(finding: Finding, rooms: Sequence[str]) -> Figure:
     """Total steps of each learner, a column, with what suits each learner, a row, in some rooms; the fewest of each row
     are bold.
     """
@@ -161,7 +161,7 @@ def matrix(found: Finding, rooms: Sequence[str]) -> Figure:
     figure, grid = panels(0.75 + 0.3 * len(suits), len(rooms), sharey=True)
     steps = np.array(
         [
-            [[found[f"matrix.{room}.{row}.{key}.steps"].value for key in LEARNERS.values()] for row in suits.values()]
+            [[finding[f"matrix.{room}.{row}.{key}.steps"].value for key in LEARNERS.values()] for row in suits.values()]
             for room in rooms
         ]
     )

@@ -126,33 +126,33 @@ def _by_episode(axes: Axes, tables: Mapping[str, Array]) -> dict[str, tuple[floa
 
 
 @styled
-def rules(found: Rules) -> Figure:
+def rules(compared: Rules) -> Figure:
     """How rules learn, and the total and the late steps of each as a multiple of the first's."""
-    (first, steps), *_ = found.steps.items()
+    (first, steps), *_ = compared.steps.items()
     figure, (learning, against) = panels(2.6, 2, width_ratios=[1.4, 1])
-    ends = _by_episode(learning, found.steps)
+    ends = _by_episode(learning, compared.steps)
     log_axis(learning, "y")
     learning.set(title=f"mean of {len(steps)} robots", ylabel="steps per episode")
     label_ends(learning, ends)
-    for place, label in enumerate(found.verdicts):
-        for up, colour, comparisons in ((-0.14, INK, found.verdicts), (0.14, GREY, found.late)):
+    for place, label in enumerate(compared.verdicts):
+        for up, colour, comparisons in ((-0.14, INK, compared.verdicts), (0.14, GREY, compared.late)):
             mark(against, comparisons[label], place + up, shown_as(comparisons[label].verdict, colour))
     against.axvline(1, **DASHED, zorder=0)
     against.set_title("left of 1: fewer steps")
     log_axis(against, "x", narrow=True)
-    name_rows(against, found.verdicts, ticks=3.5)
+    name_rows(against, compared.verdicts, ticks=3.5)
     against.set_xlabel(f"steps / those of {first}\n(black: total; grey: last five, typical)", loc="right")
     return figure
 
 
 @styled
-def worth(found: Finding, rooms: Sequence[str], episodes: Sequence[int], starts: Mapping[str, str]) -> Figure:
+def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], starts: Mapping[str, str]) -> Figure:
     """Steps of all episodes so far, as a multiple of the climb's, by episode and room. starts: titles, by name."""
     figure, grid = panels(2.7, len(starts), sharey=True)
     for axes, (start, title) in zip(grid, starts.items(), strict=True):
         ends = {}
         for room, line in zip(rooms, LINES, strict=False):
-            ratios = np.array([found[f"{room}.{start}.{number}"].interval for number in episodes])
+            ratios = np.array([finding[f"{room}.{start}.{number}"].interval for number in episodes])
             middle, low, high = ratios.T
             curve(axes, np.array(episodes), middle, low, high, line)
             ends[room] = float(episodes[-1]), float(middle[-1])

@@ -1,9 +1,8 @@
 """Figures of numbers in rows, each with its 95 % interval."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from homing_lib.publish.parts import handle, key, log_axis, mark, name_rows, panels
@@ -20,8 +19,8 @@ class Panel(NamedTuple):
 
     label: str
     rows: Mapping[str, Sequence[Comparison | Interval]]
-    reference: float | None = None
-    log: bool = False
+    reference: float = 1
+    log: bool = True
 
 
 @styled
@@ -33,11 +32,10 @@ def forest(*blocks: Panel, series: Sequence[str] = ()) -> Figure:
     for axes, block in zip(grid, blocks, strict=True):
         for place, row in enumerate(rows):
             beside = block.rows[row]
-            for number, (found, colour) in enumerate(zip(beside, (INK, GREY), strict=False)):
-                met.add(word := getattr(found, "verdict", ""))
-                mark(axes, found, place + (number - (len(beside) - 1) / 2) * 0.32, shown_as(word, colour))
-        if block.reference is not None:
-            axes.axvline(block.reference, **DASHED, zorder=0)
+            for number, (interval, colour) in enumerate(zip(beside, (INK, GREY), strict=False)):
+                met.add(word := getattr(interval, "verdict", ""))
+                mark(axes, interval, place + (number - (len(beside) - 1) / 2) * 0.32, shown_as(word, colour))
+        axes.axvline(block.reference, **DASHED, zorder=0)
         axes.set_xlabel(block.label)
         if block.log:
             log_axis(axes, "x", narrow=len(blocks) > 3)
@@ -56,7 +54,7 @@ FIRST, CHANCE = Look(INK, "o", full=False), Look(COLOURS["random"], "|")
 
 
 @styled
-def printed(found: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure:
+def printed(finding: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure:
     """Steps of the first episodes (a ring) and of the last (a mark), and of random actions in the same world (a bar).
 
     groups: by title, conditions by what their rows are called.
@@ -66,9 +64,9 @@ def printed(found: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure:
     figure, grid = panels(height, rows=len(groups), sharex=True, height_ratios=sizes)
     for axes, (title, rows) in zip(grid, groups.items(), strict=True):
         for place, condition in enumerate(rows.values()):
-            first, last = found[f"{condition}.early"], found[f"{condition}.late"]
-            chance = last.value / found[f"{condition}.of random"].value
-            words = {found[f"{condition}.{against}"].verdict for against in ("of first", "of random")}
+            first, last = finding[f"{condition}.early"], finding[f"{condition}.late"]
+            chance = last.value / finding[f"{condition}.of random"].value
+            words = {finding[f"{condition}.{against}"].verdict for against in ("of first", "of random")}
             axes.plot([first.value, last.value], [place, place], color=GREY, linewidth=0.8, zorder=0)
             axes.plot(first.value, place, **FIRST.line(4.5))
             axes.plot(chance, place, **CHANCE.line(9), markeredgewidth=1.6)
@@ -91,8 +89,8 @@ def printed(found: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure:
 def finalists(means: Mapping[str, Interval], scores: Mapping[str, float]) -> Figure:
     """Steps of the best candidates of the calibration on new seeds, with intervals, and in the search (bars)."""
     figure, (axes,) = panels(0.8 + 0.22 * len(means))
-    for place, (row, found) in enumerate(means.items()):
-        mark(axes, found, place, Look(INK))
+    for place, (row, mean) in enumerate(means.items()):
+        mark(axes, mean, place, Look(INK))
         axes.plot(scores[row], place, **Look(GREY, "|").line(9), markeredgewidth=1.8)
     name_rows(axes, means)
     axes.set_xlabel("steps per episode, episodes 11 to 20 (dots: on new seeds; bars: in the search)", loc="right")
@@ -132,42 +130,40 @@ TRIED = {
 }
 """Who is tried in `everywhere`: how the finding names it, and how it is marked."""
 
+TRIAL = "steps of a trial (at most 2,000)"
+
 
 @styled
-def drives(found: Finding, rows: Mapping[str, str], kinds: Mapping[str, str] = WAYS) -> Figure:
+def drives(finding: Finding, rows: Mapping[str, str], kinds: Mapping[str, str] = WAYS) -> Figure:
     """Steps of a trial in several ways, a row each. rows: names by the prefix of the finding's; kinds: ways by name."""
     figure, (axes,) = panels(0.85 + 0.09 * len(kinds) + 0.33 * len(rows))
     for place, prefix in enumerate(rows.values()):
-        steps = {kind: found[f"{prefix}.{kind}.steps"] for kind in kinds}
+        steps = {kind: finding[f"{prefix}.{kind}.steps"] for kind in kinds}
         ends = [extreme(tried.value for tried in steps.values()) for extreme in (min, max)]
         axes.plot(ends, [place, place], color="0.85", zorder=0)
         for kind, tried in steps.items():
             mark(axes, tried, place, LOOKS[kind], 5.5, 1.5, markeredgewidth=1.3, linestyle="-")
-    _steps_of_a_trial(axes, rows)
+    name_rows(axes, rows)
+    axes.set_xlabel(TRIAL)
     log_axis(axes, "x")
     key(figure, [handle(name, LOOKS[kind]) for kind, name in kinds.items()], 2)
     return figure
 
 
 @styled
-def everywhere(found: Finding, rooms: Sequence[str]) -> Figure:
+def everywhere(finding: Finding, rooms: Sequence[str]) -> Figure:
     """Steps of a trial from the room's start and from everywhere, by room: learnt and tried in several ways."""
     figure, grid = panels(1.15 + 0.36 * len(rooms), 2, sharey=True)
     starts = {"start_steps": "from the room's start", "steps": "from everywhere"}
     for axes, (column, title) in zip(grid, starts.items(), strict=True):
         for place, room in enumerate(rooms):
             for name, look in TRIED.values():
-                mark(axes, found[f"{room}.{name}.{column}"], place, look, 5.5, 1.4)
-        _steps_of_a_trial(axes, rooms)
-        axes.set_title(title)
+                mark(axes, finding[f"{room}.{name}.{column}"], place, look, 5.5, 1.4)
+        name_rows(axes, rooms)
+        axes.set(title=title, xlabel=TRIAL)
         log_axis(axes, "x", narrow=True)
     key(figure, [handle(name, look) for name, (_, look) in TRIED.items()], 2, columnspacing=1.0)
     return figure
-
-
-def _steps_of_a_trial(axes: Axes, rows: Iterable[str]) -> None:
-    name_rows(axes, rows)
-    axes.set_xlabel("steps of a trial (at most 2,000)")
 
 
 # --- varying and rooms: form 2 against opponents ----------------------------------------------------------------------
@@ -191,39 +187,38 @@ OWN = {
 }
 
 
-def under_both(found: Finding, rows: Mapping[str, str]) -> dict[str, list[Comparison]]:
+def under_both(finding: Finding, rows: Mapping[str, str]) -> dict[str, list[Comparison]]:
     """By row, what was found under each update. rows: names in the finding, with {} for that of the update."""
-    return {row: [found[name.format(update)] for update in UPDATES.values()] for row, name in rows.items()}
+    return {row: [finding[name.format(update)] for update in UPDATES.values()] for row, name in rows.items()}
 
 
-def varying(found: Finding) -> Figure:
+def varying(finding: Finding) -> Figure:
     """Form 2 against each opponent, under both updates: total steps, late steps of the typical robot, robots lost."""
 
-    def panel(label: str, endpoint: str, reference: float, log: bool) -> Panel:
-        rows = {row: f"paper.{{}}.{name}.{endpoint}" for row, name in OPPONENTS.items()}
-        return Panel(label, under_both(found, rows), reference, log)
+    def rows(endpoint: str) -> dict[str, list[Comparison]]:
+        return under_both(finding, {row: f"paper.{{}}.{name}.{endpoint}" for row, name in OPPONENTS.items()})
 
     return forest(
-        panel("total steps / theirs\n(left: form 2 takes fewer)", "total", 1, True),
-        panel("late steps / theirs,\ntypical robot", "late", 1, True),
-        panel("share lost − theirs\n(the same within .02)", "lost", 0, False),
+        Panel("total steps / theirs\n(left: form 2 takes fewer)", rows("total")),
+        Panel("late steps / theirs,\ntypical robot", rows("late")),
+        Panel("share lost − theirs\n(the same within .02)", rows("lost"), reference=0, log=False),
         series=list(UPDATES),
     )
 
 
-def own_mean(found: Finding) -> Figure:
+def own_mean(finding: Finding) -> Figure:
     """Each varying rule against a fixed lambda at its own mean, under both updates: total steps."""
     label = "total steps / those of a fixed λ at the rule's own mean"
-    return forest(Panel(label, under_both(found, OWN), 1, True), series=list(UPDATES))
+    return forest(Panel(label, under_both(finding, OWN)), series=list(UPDATES))
 
 
-def rooms(found: Finding, names: Sequence[str]) -> Figure:
+def rooms(finding: Finding, names: Sequence[str]) -> Figure:
     """Form 2 against four opponents in each room, under both updates, and pooled over the rooms unlike the paper's."""
 
     def panel(label: str, opponent: str) -> Panel:
         places = {name: name for name in names} | {"four rooms, pooled": "pooled"}
         rows = {row: f"{place}.{{}}.{opponent}.total" for row, place in places.items()}
-        return Panel(label, under_both(found, rows), 1, True)
+        return Panel(label, under_both(finding, rows))
 
     return forest(
         panel("total steps /\nthose of fixed 0", "fixed0"),

@@ -33,7 +33,7 @@ def name_rows(axes: Axes, names: Iterable[str], ticks: float = 0) -> None:
 
 def mark(
     axes: Axes,
-    found: Interval | Comparison,
+    interval: Interval | Comparison,
     at: float,
     look: Look,
     size: float = 4.5,
@@ -41,8 +41,8 @@ def mark(
     **options: Any,
 ) -> None:
     """An interval in the row at this height: a line of this width, and its estimate."""
-    axes.hlines(at, found.low, found.high, color=look.colour, linewidth=width)
-    axes.plot(found.value, at, **look.line(9 if look.marker == "|" else size) | options)
+    axes.hlines(at, interval.low, interval.high, color=look.colour, linewidth=width)
+    axes.plot(interval.value, at, **look.line(9 if look.marker == "|" else size) | options)
 
 
 def curve(
