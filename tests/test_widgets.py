@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from homing_lib import lambdas
-from homing_lib.publish import figures, plots
+from homing_lib.publish import curves, plans
 from homing_lib.study import walk
 from homing_lib.teach import widgets
 
@@ -63,11 +63,11 @@ def drawn_by(monkeypatch, module, name):
 
 
 def test_on_the_walk_the_chosen_rule_stands_beside_the_same_reference(monkeypatch):
-    seen = drawn_by(monkeypatch, plots, "curves")
+    seen = drawn_by(monkeypatch, curves, "by_episode")
     monkeypatch.setattr(walk, "learning", lambda rule, seed, size: np.full(10, np.inf if size > 1 else size))
     assert isinstance(widgets.on_the_walk("fletcher-reeves", 0.8, 0.1), Figure)
     widgets.on_the_walk("fixed", 1.0, 2.0)
-    ((title, tables),), ((lost, capped),) = (panels.items() for panels, *_ in seen)
+    (title, tables, _), (lost, capped, _) = seen
     assert title == "Mean error 0.1 with form 2, guard 0.8, step size 0.1; 0.3 with λ = 0.8, step size 0.3"
     assert {name: (table.shape, table.mean().round(3)) for name, table in tables.items()} == {
         "form 2, guard 0.8": ((10, 10), 0.1),
@@ -78,7 +78,7 @@ def test_on_the_walk_the_chosen_rule_stands_beside_the_same_reference(monkeypatc
 
 
 def test_on_the_robot_episodes_that_were_not_finished_are_named(monkeypatch):
-    seen = drawn_by(monkeypatch, figures, "paths")
+    seen = drawn_by(monkeypatch, plans, "paths")
     widgets.on_the_robot("fletcher-reeves", 0.0, 1.25e-3)
     widgets.on_the_robot("fixed", 1.0, 1.25e-2)
     home, lost = (rows["one run"] for rows, _ in seen)

@@ -13,7 +13,7 @@ import matplotlib
 import numpy as np
 
 from homing_lib.atlas import COMPACT
-from homing_lib.publish import drawing
+from homing_lib.publish import style
 from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
@@ -86,8 +86,8 @@ def judged(name: str) -> dict[str, str]:
 def palette() -> str:
     """The colours of the figures as custom properties of CSS."""
     names = ("BLUE", "ORANGE", "GREEN", "SKY", "GREY", "INK")
-    colours = "".join(f"--{name.lower()}: {getattr(drawing, name)}; " for name in names)
-    return f":root {{ {colours}--pink: {drawing.LINES[4][0]}; }}\n"
+    colours = "".join(f"--{name.lower()}: {getattr(style, name)}; " for name in names)
+    return f":root {{ {colours}--pink: {style.PINK}; }}\n"
 
 
 def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:

@@ -13,7 +13,7 @@ import numpy as np
 from IPython.display import display
 from matplotlib.figure import Figure
 
-from homing_lib.publish import figures, plots
+from homing_lib.publish import curves, plans
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.study import engine, walk
@@ -85,7 +85,7 @@ def on_the_walk(rule: str, lambda_: float, step_size: float) -> Figure:
         f"{reference.mean():.2g} with λ = {REFERENCE[0]:g}, step size {REFERENCE[1]:g}"
     )
     tables = {label: np.minimum(chosen, TOP), "for comparison": np.minimum(reference, TOP)}
-    return plots.curves({title: tables}, f"error, drawn up to {TOP:g}", log=False)
+    return curves.by_episode(title, tables, f"error, drawn up to {TOP:g}")
 
 
 def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
@@ -97,4 +97,4 @@ def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
         finished = number <= len(run.lengths)
         path = run.episode(number)[:, :2] if finished else np.empty((0, 2))
         ways.append((f"episode {number}: {f'{len(path)} steps' if finished else 'weights lost'}", path))
-    return figures.paths({"one run": ways}, room_named(settings.room))
+    return plans.paths({"one run": ways}, room_named(settings.room))
