@@ -1,6 +1,6 @@
 """The site: the whole companion as pages that open from disk, ask nobody for anything, and need no JavaScript.
 
-`python -m homing_lib.publish.site` writes .build/site from the executed notebooks, the report, the film, the
+`homing site` writes .build/site from the executed notebooks, the report, the film, the
 demonstration, the verdicts and the docstrings. Every page is a notebook, if need be of one cell, that nbconvert puts
 into the template notebooks/site/; its mathematics becomes MathML on the way.
 """
@@ -232,7 +232,3 @@ def write(folder: Path = SITE) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     for name, content_ in files.items():
         write_bytes(folder / name, content_)
-
-
-if __name__ == "__main__":
-    write()

@@ -1,6 +1,6 @@
 """The two archives of the lab: the students', who set it up from there, and the teacher's, with all solutions executed.
 
-`python -m homing_lib.teach.handouts` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
+`homing lab` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
 """
 
 import logging
@@ -79,6 +79,7 @@ def _content(path: Path) -> bytes:
     return path.read_bytes()
 
 
-if __name__ == "__main__":
+def write() -> None:
+    """Write both archives. The same sources and data give the same bytes."""
     for name, files in {"lab": students(), "lab-teacher": teacher()}.items():
         write_bytes(FOLDER / f"{name}.zip", archive(name, files))
