@@ -79,25 +79,11 @@ def homing() -> None:
 # --- Runs and data ---------------------------------------------------------------------------------------------------
 
 
-def _in(allowed: Callable[[int], bool], what: str) -> Callable[[click.Context, click.Parameter, int], int]:
-    """A check of an option, whose value must be `what`."""
-
-    def check(ctx: click.Context, parameter: click.Parameter, value: int) -> int:
-        if not allowed(value):
-            raise click.BadParameter(f"{value} is not {what}.", ctx, parameter)
-        return value
-
-    return check
-
-
 def _seed(default: int, whose: str = "") -> Callable[..., Any]:
-    natural = _in(lambda seed: 0 <= seed < 10**18, "one of 0, 1, 2, ..., of at most 18 digits")
     text = f"By default {default}{whose}."
-    return click.option("--seed", type=int, callback=natural, default=default, metavar="N", help=text)
+    return click.option("--seed", type=click.IntRange(0, 10**18 - 1), default=default, metavar="N", help=text)
 
 
-_MOST = 4 * (os.cpu_count() or 1)
-_processes = _in(lambda count: count == -1 or 1 <= count <= _MOST, f"-1, one per core, nor 1 to {_MOST}, four per core")
 _changes = click.option("--set", "changes", multiple=True, metavar="NAME=VALUE", help="Change a setting; repeatable.")
 
 
@@ -115,7 +101,7 @@ def changed_settings(changes: Iterable[str], settings: "Settings | None" = None)
 @homing.command()
 @_seed(0)
 @_changes
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE.npz", help="Store the run.")
+@click.option("--out", type=Path, metavar="FILE.npz", help="Store the run.")
 @click.option("--as-printed", is_flag=True, help="Start from the paper's letter, not from our choices.")
 def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool) -> None:
     """One experiment, with the camera; prints a summary."""
@@ -144,7 +130,7 @@ def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool)
 @_seed(1000, ", of the stored runs")
 @_changes
 @click.option("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run.")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("film.mp4"), metavar="FILE", show_default=True)
+@click.option("--out", type=Path, default=Path("film.mp4"), metavar="FILE", show_default=True)
 def film(seed: int, changes: tuple[str, ...], episode: int | None, out: Path) -> None:
     """An episode as MP4 or GIF: robot's view, room from above, similarity and lambda."""
     from homing_lib.publish import film
@@ -161,25 +147,18 @@ def settings() -> None:
         print(f"{name:24} {field.default!s:16} {field.description}")
 
 
+WORKERS = "Processes on this machine; by default -1, one per core."
+CLUSTER = """Use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, `dask
+worker --nthreads 1 ADDRESS` starts one worker. Without --host the scheduler serves whoever reaches this machine, and
+asks for no password. Every worker needs this same version of the library."""
+
+
 @homing.command()
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option("--force", is_flag=True, help="Compute all their runs from scratch.")
-@click.option(
-    "--workers",
-    type=int,
-    callback=_processes,
-    default=-1,
-    metavar="N",
-    help="Processes on this machine; by default -1, one per core.",
-)
-@click.option(
-    "--cluster",
-    metavar="ADDRESS",
-    help="Use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, "
-    "`dask worker --nthreads 1 ADDRESS` starts one worker. Without --host the scheduler serves whoever reaches this "
-    "machine, and asks for no password. Every worker needs this same version of the library.",
-)
-@click.option("--stamp", type=click.Path(path_type=Path), help="Write a hash of all data here, if it changed.")
+@click.option("--workers", type=click.IntRange(-1, 4 * (os.cpu_count() or 1)), default=-1, metavar="N", help=WORKERS)
+@click.option("--cluster", metavar="ADDRESS", help=CLUSTER)
+@click.option("--stamp", type=Path, help="Write a hash of all data here, if it changed.")
 def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None, stamp: Path | None) -> None:
     """Check the stored runs and compute those that are missing.
 
@@ -190,6 +169,8 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
 
     from homing_lib.study import findings, runs, studies
 
+    if workers == 0:
+        raise click.UsageError("--workers 0: nobody would compute; -1 is one per core.")
     if cluster is not None and workers != -1:
         raise click.UsageError("--workers are processes on this machine: not together with --cluster.")
     if names and stamp:
@@ -280,8 +261,8 @@ def where(figure: str) -> None:
 @homing.command()
 @click.argument("name")
 @click.option("--profile", type=click.Choice(["full", "quick"]), default="full", show_default=True)
-@click.option("--output-dir", type=click.Path(path_type=Path), help="Of the copy; by default executed/ beside it.")
-@click.option("--figures-dir", type=click.Path(path_type=Path), help="By default figures/.")
+@click.option("--output-dir", type=Path, help="Of the copy; by default executed/ beside it.")
+@click.option("--figures-dir", type=Path, help="By default figures/.")
 def notebook(name: str, profile: str, output_dir: Path | None, figures_dir: Path | None) -> None:
     """Execute a notebook and list what it wrote."""
     from homing_lib.publish import notebooks

@@ -8,6 +8,7 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from symtable import symtable
@@ -149,15 +150,16 @@ def _names(statement: ast.stmt) -> tuple[set[str], set[str]]:
 
 
 def imports(notebook: Notebook) -> dict[str, Any]:
-    """What a notebook imports of the library, by name."""
-    found = {}
+    """What a notebook imports of the library, by name; of an older copy, what there still is."""
+    available: dict[str, Any] = {}
     for cell in notebook.cells:
         for node in ast.walk(ast.parse(cell.source)) if cell.cell_type == "code" else ():
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("homing_lib"):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("homing_lib"):
                 for name in (alias.name for alias in node.names):
-                    module = import_module(str(node.module))
-                    found[name] = getattr(module, name, None) or import_module(f"{node.module}.{name}")
-    return found
+                    with suppress(ModuleNotFoundError):
+                        module = import_module(node.module)
+                        available[name] = getattr(module, name, None) or import_module(f"{node.module}.{name}")
+    return available
 
 
 def looked_up(node: ast.expr, imported: dict[str, Any]) -> Any:
