@@ -107,7 +107,7 @@ def drawn() -> dict[str, Drawn]:
             if cell.cell_type == "code":
                 for statement in ast.parse(cell.source).body:
                     for name in _saves(statement):
-                        every[name] = Drawn(path, cell.id, _behind(statement, before), imported)
+                        every[name] = Drawn(path, cell.id, behind(statement, before), imported)
                     before.append(statement)
     return dict(sorted(every.items()))
 
@@ -119,7 +119,7 @@ def _saves(statement: ast.stmt) -> Iterator[str]:
             yield from (str(a.value) for a in node.args if isinstance(a, ast.Constant))
 
 
-def _behind(last: ast.stmt, before: Sequence[ast.stmt]) -> list[ast.stmt]:
+def behind(last: ast.stmt, before: Sequence[ast.stmt]) -> list[ast.stmt]:
     """A statement and those that it depends on, backwards."""
     kept, (_, wanted) = [last], _names(last)
     for statement in reversed(before):
