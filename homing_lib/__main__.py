@@ -1,15 +1,20 @@
-"""The door: `homing`, or `python -m homing_lib`."""
+"""The door: `homing`, or `python -m homing_lib`. It alone knows all wings; nothing knows it."""
 
 import sys
 
-from homing_lib.errors import UserError
-
 try:
-    from homing_lib.publish.cli import main
+    from homing_lib.publish.cli import homing, main
 except KeyboardInterrupt:  # while much is being loaded
     sys.exit(130)
-except UserError as error:  # a room that is not described right
-    sys.exit(f"homing: {error}")
+
+
+@homing.command()
+def lab() -> None:
+    """The lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions."""
+    from homing_lib.teach import handouts
+
+    handouts.build(handouts.FOLDER)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -84,7 +84,7 @@ def undisturbed(folder: Path) -> Contents:
 
 
 def start(folder: Path, *arguments: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
-    """`homing sweep` of the study in a process group of its own, on a slow disk. Returns when it begins."""
+    """`homing data` of the study in a process group of its own, on a slow disk. Returns when it begins."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.kills", "--sweep", str(folder), *arguments],
         cwd=ROOT,
@@ -111,7 +111,7 @@ def _swept(folder: Path, arguments: list[str]) -> int:
     studies.in_order = lambda: iter([STUDY])
     with stored_in(folder):
         print("ready", flush=True)
-        return main(["sweep", STUDY.name, *arguments])
+        return main(["data", STUDY.name, *arguments])
 
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:

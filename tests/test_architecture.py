@@ -10,6 +10,7 @@ import homing_lib
 HOUSE = Path(homing_lib.__file__).parent
 FLOOR = {"": 0, "study": 1, "publish": 2, "teach": 3}
 DOOR = "__main__.py"
+"""Opens to all wings, and nothing knows it."""
 
 
 def floor(module: str) -> int:
@@ -18,21 +19,20 @@ def floor(module: str) -> int:
     return FLOOR.get(wing[0], 0) if wing else 0
 
 
-def imported(source: Path) -> set[str]:
-    """Everything of the library that a file imports, also inside functions."""
-    found = set()
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+def imported(code: str) -> set[str]:
+    """Everything of the library that some code imports, also inside functions."""
+    names = set()
+    for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
-    return {name for name in found if name.startswith("homing_lib")}
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+    return {name for name in names if name.startswith("homing_lib")}
 
 
 @pytest.mark.parametrize("source", sorted(HOUSE.rglob("*.py")), ids=lambda path: path.relative_to(HOUSE).as_posix())
-def test_imports_point_downwards_only(source):
+def test_imports_point_downwards_only_and_not_through_the_door(source):
+    names = imported(source.read_text(encoding="utf-8"))
     here = source.relative_to(HOUSE)
-    if here.name == DOOR:
-        return
-    own = FLOOR[here.parts[0] if len(here.parts) > 1 else ""]
-    assert [name for name in imported(source) if floor(name) > own] == []
+    own = FLOOR[here.parts[0] if len(here.parts) > 1 else ""] if here.name != DOOR else 4
+    assert [name for name in names if floor(name) > own or "__main__" in name] == []

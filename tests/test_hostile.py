@@ -1,49 +1,219 @@
-"""A cut of the hostile campaign; the whole: `python -m tests.hostile 1500 --seed N`."""
+"""Whatever is asked for or harmed: it is refused in one line that names it, repaired, or as it was; nothing is lost."""
 
+import json
+import math
 import os
-import signal
-import subprocess
-import sys
+import random
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args
 
+import numpy as np
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes, links and alarms are POSIX's")
+from homing_lib import agent, atlas
+from homing_lib.errors import UserError
+from homing_lib.publish.cli import main
+from homing_lib.settings import Settings
+from homing_lib.study import findings, measures, runs, studies
+from homing_lib.study.runs import Study
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes and links are POSIX's")
+
+QUICK = {"images": "compact", "episodes": 1, "survey_steps": 20, "max_steps": 5}
+CONDITIONS = {name: Settings(**QUICK, controller=name) for name in ("sarsa", "random")}
+TABLE = Study("table", "To be harmed.", CONDITIONS, range(2), measures.curve)
+WHOLE = Study("whole", "To be harmed.", CONDITIONS, range(2))
 
 
-def test_whatever_one_asks_for_or_harms_nothing_is_lost_and_every_refusal_is_one_line(tmp_path, capsys):
-    from tests.hostile import torment
-
-    came = torment(tmp_path, 150, seed=10, processes=1)
-    told = capsys.readouterr().out
-    assert (came["tracebacks"], came["hangs"], came["lost"]) == (0, 0, 0), told
-    assert sum(came.values()) == 150
-    assert min(came[name] for name in ("refused in one line", "repaired", "accepted")) > 10
+def is_a_line(text: str, *words: str) -> bool:
+    """A refusal that a user can read, with these words."""
+    return text.isprintable() and 0 < len(text) < 1000 and all(word in text for word in words)
 
 
-def test_a_campaign_notices_what_is_lost_and_what_is_no_line(tmp_path, capsys, monkeypatch):
-    from homing_lib.study import runs
-    from tests import hostile
-
-    monkeypatch.setattr(hostile, "SHARES", {"stored_file": 1})
-    monkeypatch.setattr(runs, "_check", lambda *_: None)  # nothing is held against a manifest
-    alter = hostile.Campaign._alter
-    monkeypatch.setattr(hostile.Campaign, "harm", lambda self, path: path.suffix == ".npz" and alter(self, path))
-    assert hostile.torment(tmp_path / "a", 20, seed=0, processes=0)["lost"] > 0
-    monkeypatch.undo()
-    monkeypatch.setattr(hostile, "SHARES", {"environment": 1})
-    monkeypatch.setattr("homing_lib.environment.shown", lambda value: f"{value!r}\n")
-    assert hostile.torment(tmp_path / "b", 30, seed=0, processes=0)["tracebacks"] > 0
-    capsys.readouterr()
+# --- Files -----------------------------------------------------------------------------------------------------------
 
 
-def test_what_a_campaign_starts_can_be_interrupted_from_a_shells_background_too():
-    from tests.hostile import limited
+def somewhere(content: bytes, change: Callable[[bytes], bytes], seed: int) -> bytes:
+    """The content with some bytes changed, anywhere."""
+    at = random.Random(seed).randrange(len(content))
+    return content[:at] + change(content[at : at + 20]) + content[at + 20 :]
 
-    program = "import signal; print(signal.getsignal(signal.SIGINT) == signal.default_int_handler)"
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+def instead(make: Callable[[Path], object]) -> Callable[[Path], object]:
+    return lambda path: (path.unlink(), make(path))
+
+
+def rewritten(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(change(path.read_bytes()))
+
+
+HARM: dict[str, Callable[[Path], object]] = {
+    "empty": rewritten(lambda _: b""),
+    "halved": rewritten(lambda content: content[: len(content) // 2]),
+    "a byte short": rewritten(lambda content: content[:-1]),
+    "longer": rewritten(lambda content: content + b"\0"),
+    "twice": rewritten(lambda content: content * 2),
+    "a list": rewritten(lambda _: b"[]"),
+    "deep": rewritten(lambda _: b"[" * 100_000),
+    "not utf-8": rewritten(lambda content: b"\xff\xfe" + content),
+    "another's": instead(lambda path: path.write_bytes(atlas.COMPACT.read_bytes()[:5000])),
+    "a folder": instead(Path.mkdir),
+    "a pipe": instead(os.mkfifo),
+    "a dangling link": instead(lambda path: path.symlink_to(path.parent / "nothing")),
+    "a link to itself": instead(lambda path: path.symlink_to(path)),
+    "missing": Path.unlink,
+} | {
+    f"{name}, {seed}": rewritten(lambda content, change=change, seed=seed: somewhere(content, change, seed))
+    for name, change in {
+        "a bit flipped": lambda some: bytes([some[0] ^ 1, *some[1:]]),
+        "zeros": lambda some: bytes(len(some)),
+    }.items()
+    for seed in range(3)
+}
+
+
+@pytest.fixture
+def data(tmp_path, monkeypatch) -> Path:
+    """The folder of the data of two small studies, stored."""
+    monkeypatch.setattr(runs, "DATA", tmp_path / "data")
+    monkeypatch.setattr(runs, "SCRATCH", tmp_path / "scratch")
+    for study in (TABLE, WHOLE):
+        runs.sweep(study, workers=1)
+    return tmp_path / "data"
+
+
+def loaded(study: Study) -> list:
+    """What is stored of a study, comparable."""
+    if study.measure:
+        table = runs.load_table(study)
+        return [list(table), table.astype(object).where(table.notna(), None).to_numpy().tolist()]
+    results = [run for several in runs.load_study(study).values() for run in several]
+    return [(run.settings, run.seed, run.diverged, run.steps.tolist(), run.lengths.tolist()) for run in results]
+
+
+@pytest.mark.parametrize("harm", HARM)
+@pytest.mark.parametrize("file", ["table.parquet", "table.json", "whole.json", "whole/*-0.npz"])
+def test_a_harmed_file_is_refused_or_read_as_it_was_and_the_remedy_mends_it(harm, file, data):
+    study = TABLE if "table" in file else WHOLE
+    (path, *_), sound = data.glob(file), loaded(study)
+    before = {one: one.read_bytes() for one in data.rglob("*") if one.is_file() and one != path}
+    HARM[harm](path)
     try:
-        with limited():
-            assert subprocess.check_output([sys.executable, "-c", program], text=True) == "True\n"
-        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+        assert loaded(study) == sound
+    except UserError as error:
+        assert is_a_line(str(error), str(data))
+    for _ in range(3):
+        try:
+            runs.sweep(study, workers=1)
+            break
+        except UserError as error:
+            named = Path(str(error).partition(": ")[0])  # to be deleted, or moved away
+            assert is_a_line(str(error))
+            assert data in named.parents
+            named.rmdir() if named.is_dir() else named.unlink()
+    assert loaded(study) == sound
+    assert all(one.read_bytes() == content for one, content in before.items() if one.suffix != ".json")
+
+
+@pytest.mark.parametrize("harm", HARM)
+def test_harmed_findings_are_refused_or_read_as_they_were(harm, tmp_path, monkeypatch):
+    sound = findings.stored()
+    path = tmp_path / "findings.json"
+    path.write_bytes(findings.FILE.read_bytes())
+    monkeypatch.setattr(findings, "FILE", path)
+    HARM[harm](path)
+    findings.stored.cache_clear()
+    try:
+        assert findings.stored() == sound
+    except UserError as error:
+        assert is_a_line(str(error), str(path))
     finally:
-        signal.signal(signal.SIGINT, before)
+        findings.stored.cache_clear()
+
+
+@pytest.mark.parametrize("harm", HARM)
+def test_a_harmed_compact_atlas_is_refused_or_read_as_it_was(harm, tmp_path):
+    path = tmp_path / "compact.atlas"
+    path.write_bytes(atlas.COMPACT.read_bytes())
+    HARM[harm](path)
+    try:
+        _, views = atlas.read_compact(path)
+    except UserError as error:
+        assert is_a_line(str(error), str(path))
+    else:
+        assert np.array_equal(views.counts, atlas.read_compact(atlas.COMPACT)[1].counts)
+
+
+# --- Places ----------------------------------------------------------------------------------------------------------
+
+PLACES = [*("", ".", "/", "..", "pipe.npz", "folder.npz", "link.npz", "dangling.npz", "loop.npz", "to-folder.npz")]
+PLACES += ["to-pipe.npz", "file/run.npz", "a b.npz", "ä.npz", "\udcff.npz", "x" * 300, "new/deep/run.npz", "a\nb.npz"]
+COMMANDS = {
+    "run": ["run", *(f"--set={name}={value}" for name, value in QUICK.items()), "--out"],
+    "data": ["data", "--stamp"],
+    "notebook": ["notebook"],
+}
+
+
+@pytest.mark.parametrize("place", PLACES, ids=ascii)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_wherever_a_file_is_wanted_nothing_that_stands_there_becomes_another_kind(
+    command, place, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(studies, "in_order", lambda: iter(()))
+    monkeypatch.setattr(studies, "PAGE", tmp_path / "STUDIES.md")
+    monkeypatch.setattr(findings, "judge_all", lambda _: None)
+    os.mkfifo("pipe.npz")
+    Path("folder.npz").mkdir()
+    Path("file").write_text("sound", encoding="utf-8")
+    for link, target in {"link": "file", "dangling": "new.npz", "loop": "loop.npz", "to-folder": "folder.npz"}.items():
+        Path(f"{link}.npz").symlink_to(target)
+    Path("to-pipe.npz").symlink_to("pipe.npz")
+    kinds = {path: stat.S_IFMT(path.lstat().st_mode) for path in Path().iterdir()}
+    code = main([*COMMANDS[command], place])
+    refusal = capsys.readouterr().err.replace("\r", "\n").strip().splitlines()
+    assert {path: stat.S_IFMT(path.lstat().st_mode) for path in kinds} == kinds
+    assert place == "link.npz" or Path("file").read_text(encoding="utf-8") == "sound"
+    assert code == 0 or is_a_line(refusal[-1], "homing: ")
+    assert code == 0 or code == 1
+
+
+# --- Settings --------------------------------------------------------------------------------------------------------
+
+NUMBERS = (
+    *(0, 1, -1, 2, 0.5, 1e-3, 5e-324, 1e-160, 1e158, 1e307, -1e307, math.inf, -math.inf, math.nan, 10**9, 10**400),
+    *("0", "-1", "1e999", "nan", "inf", "0x10", "1_0", "9" * 400, "9" * 5000, "٣", " 1 ", "1,5", ""),
+    *(None, True, False, [], {}, (), b"\xff", "\x00", "a\nb", "\x1b[31m", "\ud800", "x" * 10_000, object(), 1j, len),
+    *(np.int64(3), np.float64(0.5), np.bool_(True), np.arange(3), np.array([1]), np.array(1), range(3)),
+)
+
+
+def values_for(name: str) -> list:
+    """Values at and beyond the bounds of a setting, its choices, and anything."""
+    field = Settings.model_fields[name]
+    bounds = [getattr(one, kind) for one in field.metadata for kind in ("gt", "ge", "lt", "le") if hasattr(one, kind)]
+    near = [bound * factor + offset for bound in bounds for factor in (1, 1.001, 0.999, -1) for offset in (0, 1, -1)]
+    return [*near, *get_args(field.annotation), f"{field.default}", *NUMBERS]
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_whatever_a_setting_is_given_it_is_refused_by_its_name_or_stored_and_run_to_numbers(name):
+    for value in values_for(name):
+        try:
+            settings = Settings(**QUICK | {name: value})
+        except UserError as error:
+            assert is_a_line(str(error), name), value
+            continue
+        assert Settings(**json.loads(settings.model_dump_json())) == settings
+        few = {
+            limit: min(getattr(settings, limit), QUICK[limit]) for limit in ("episodes", "survey_steps", "max_steps")
+        }
+        try:
+            result = agent.run(settings.with_changes(images="compact", **few), 0)
+        except UserError as error:
+            assert is_a_line(str(error)), value
+        else:
+            assert result.diverged or np.isfinite(result.steps).all(), value

@@ -1,5 +1,6 @@
 """The build remakes what changed and nothing else, and says in one line what is missing."""
 
+import json
 import os
 import re
 import shutil
@@ -12,19 +13,32 @@ from pathlib import Path
 import pytest
 
 from homing_lib.publish.notebooks import REPRODUCIBLE
+from tests.test_architecture import imported
 
 ROOT = Path(__file__).parent.parent
+LIBRARY = sorted(path.relative_to(ROOT) for path in (ROOT / "homing_lib").rglob("*.*") if path.parent.name[0] != "_")
+VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 # Stands in for .venv/bin/python: logs what it is asked to do, and writes what `homing` would.
 PYTHON = """#!/bin/sh
 shift 2
-echo "${*:-page}" >> log
-case ${1:-page} in
-    page) mkdir -p notebooks/executed; touch notebooks/executed/demo.html ;;
+echo "$*" >> log
+case $1 in
+    demo) mkdir -p notebooks/executed; echo page > notebooks/executed/demo.html ;;
+    site) mkdir -p .build/site; echo page > .build/site/index.html ;;
+    lab) mkdir -p .build/lab; echo zip > .build/lab/lab-teacher.zip ;;
     data) [ -e "$3" ] || touch "$3" ;;
     notebook) echo drawn > "figures/$2.pdf"; echo "figures/$2.pdf" ;;
     numbers) echo numbers ;;
 esac
+"""
+LATEX = """#!/bin/sh
+case "$*" in *-jobname=*) notes=-notes ;; *) notes= ;; esac
+for source; do :; done
+made=$(basename "$source" .tex)$notes
+echo "$made" >> log
+mkdir -p .build/lectures .build/paper
+echo pages > .build/$(dirname "$source" | sed s/paper.lectures/lectures/)/$made.pdf
 """
 
 
@@ -38,29 +52,35 @@ def run(*command: str | Path, cwd: Path, path: str) -> subprocess.CompletedProce
     return subprocess.run(command, cwd=cwd, env={"PATH": path}, capture_output=True, text=True, check=False)
 
 
+def project(folder: Path) -> Path:
+    """All files of the library, empty, two notebooks and a lecture, with stand-ins for Python and LaTeX."""
+    shutil.copy(ROOT / "Makefile", folder)
+    script(folder / ".venv/bin/python", PYTHON)
+    script(folder / "bin/latexmk", LATEX)
+    script(folder / "paper/install-tex.sh", "#!/bin/sh\n")
+    sources = ["notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "notebooks/lab.ipynb", "notebooks/demo/page.html"]
+    sources += ["paper/report.tex", "paper/lectures/preamble.tex", "paper/lectures/blame.tex", "figures/film.gif"]
+    ready = ["environment.lock", "pyproject.toml", f".venv/.locked-{VERSION}", ".venv/.ready"]
+    for path in (folder / name for name in [*sources, "README.md", *LIBRARY, *ready]):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    return folder
+
+
+def asked(folder: Path, *arguments: str) -> list[str]:
+    """Runs make; what the stand-ins were asked to do."""
+    (folder / "log").write_text("")
+    path = f"{folder}/bin:{os.environ['PATH']}"
+    done = run("make", f"PYTHON={sys.executable}", "-j1", *arguments, cwd=folder, path=path)
+    assert done.returncode == 0, done.stderr
+    return [line.partition(" --stamp")[0] for line in (folder / "log").read_text().splitlines()]
+
+
 @pytest.fixture
 def make(tmp_path):
-    """Runs make in a project of two notebooks, with stand-ins for Python and LaTeX; returns what these were asked."""
-    shutil.copy(ROOT / "Makefile", tmp_path)
-    script(tmp_path / ".venv/bin/python", PYTHON)
-    script(tmp_path / "bin/latexmk", "#!/bin/sh\necho report >> log\ntouch .build/paper/report.pdf\n")
-    script(tmp_path / "paper/install-tex.sh", "#!/bin/sh\n")
-    for name in ("homing_lib", "figures", "notebooks"):
-        (tmp_path / name).mkdir()
-    for name in ("homing_lib/td.py", "notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "paper/report.tex"):
-        (tmp_path / name).touch()
-    version = f"{sys.version_info.major}.{sys.version_info.minor}"
-    for name in ("environment.lock", "pyproject.toml", f".venv/.locked-{version}", ".venv/.ready"):
-        (tmp_path / name).touch()
-
-    def make(*arguments: str) -> list[str]:
-        (tmp_path / "log").write_text("")
-        path = f"{tmp_path}/bin:{os.environ['PATH']}"
-        done = run("make", f"PYTHON={sys.executable}", "-j1", *arguments, cwd=tmp_path, path=path)
-        assert done.returncode == 0, done.stderr
-        return [line.partition(" --stamp")[0] for line in (tmp_path / "log").read_text().splitlines()]
-
-    return make
+    """Runs make in a project of its own; returns what the stand-ins were asked."""
+    project(tmp_path)
+    return lambda *arguments: asked(tmp_path, *arguments)
 
 
 def later(path: Path) -> None:
@@ -69,92 +89,117 @@ def later(path: Path) -> None:
     os.utime(path, ns=(now, now))
 
 
-ONE_BY_ONE = ["data", "verify", "summary", "numbers --latex", "notebook 01-a", "notebook 02-b", "report", "page"]
+NOTEBOOKS = ["notebook 01-a", "notebook 02-b"]
+NUMBERS = "numbers --latex"
+ONE_BY_ONE = ["data", "verify", "summary", NUMBERS, *NOTEBOOKS, "report", "demo"]
+BUILT = [*ONE_BY_ONE, "blame", "blame-notes", "site", "lab"]
 
 
 def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(make):
     assert make() == ONE_BY_ONE
     assert make() == ["data"]
+    assert make("lectures", "site", "lab") == ["data", *BUILT[len(ONE_BY_ONE) :]]
+    assert make("lectures", "site", "lab") == ["data"]
 
 
 def test_two_at_a_time_nothing_is_made_twice_or_left_out(make):
-    assert sorted(make("-j2")) == sorted(ONE_BY_ONE)
+    assert sorted(make("-j2", "all", "lectures", "site", "lab")) == sorted(BUILT)
 
 
-def test_a_touched_notebook_remakes_itself_and_the_report_only(make, tmp_path):
-    make()
-    later(tmp_path / "notebooks/02-b.ipynb")
-    assert make() == ["data", "numbers --latex", "notebook 02-b", "report"]  # whose last pages list what notebooks draw
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A project in which everything is made."""
+    folder = project(tmp_path_factory.mktemp("built"))
+    asked(folder, "all", "lectures", "site", "lab")
+    return folder
 
 
-def test_a_touched_lecture_sets_its_slides_and_its_notes_anew_and_no_other(make, tmp_path):
-    script(
-        tmp_path / "bin/latexmk",
-        """#!/bin/sh
-        case "$*" in *-jobname=*) notes=-notes ;; *) notes= ;; esac
-        for source; do :; done
-        made=.build/lectures/$(basename "$source" .tex)$notes
-        echo "$made" >> log
-        touch "$made.pdf"
-        """,
-    )
-    for name in ("one", "preamble", "two"):
-        (tmp_path / "paper/lectures").mkdir(exist_ok=True)
-        (tmp_path / f"paper/lectures/{name}.tex").touch()
-    made = [f".build/lectures/{name}" for name in ("one", "one-notes", "two", "two-notes")]
-    assert make("lectures") == ["data", "numbers --latex", "notebook 01-a", "notebook 02-b", *made]
-    assert make("lectures") == ["data"]
-    (tmp_path / f"{made[1]}.pdf").unlink()
-    assert make("lectures") == ["data", *made[:2]]
-    later(tmp_path / "paper/lectures/two.tex")  # whose numbers may be others
-    assert make("lectures") == ["data", "numbers --latex", *made]
+LIVE = ["verify", "summary"]
+SET = ["report", "blame", "blame-notes"]
 
 
-def test_changed_data_remake_all_that_reads_them(make, tmp_path):
-    make()
-    later(tmp_path / ".build/data")
-    assert make("paper") == ["data", "numbers --latex", "notebook 01-a", "notebook 02-b", "report"]
+@pytest.mark.parametrize(
+    ("file", "again"),
+    [
+        ("homing_lib/td.py", BUILT[1:]),
+        ("homing_lib/rooms.toml", BUILT[1:]),
+        ("homing_lib/study/findings.py", BUILT[1:]),
+        ("homing_lib/study/questions/varying.py", BUILT[1:]),
+        ("homing_lib/publish/drawing.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
+        ("homing_lib/publish/report.py", ["summary", NUMBERS, *SET, "site", "lab"]),
+        ("homing_lib/publish/demo.py", ["demo", "site", "lab"]),
+        ("homing_lib/publish/site.py", ["site", "lab"]),
+        ("homing_lib/publish/cli.py", ["lab"]),
+        ("homing_lib/teach/exercises.py", [*NOTEBOOKS, *SET, "site", "lab"]),
+        ("homing_lib/teach/lab.py", ["lab"]),
+        ("homing_lib/__main__.py", ["lab"]),
+        ("notebooks/02-b.ipynb", ["notebook 02-b", *SET, "site"]),
+        ("notebooks/lab.ipynb", ["site", "lab"]),
+        ("notebooks/demo/page.html", ["demo", "site"]),
+        ("paper/report.tex", [NUMBERS, *SET, "site"]),
+        ("paper/lectures/blame.tex", [NUMBERS, *SET, "site"]),
+        (".build/data", BUILT[1:]),
+    ],
+)
+def test_an_edit_remakes_what_it_touches_and_nothing_else(built, file, again):
+    shutil.copytree(built, here := built.parent / "here", symlinks=True, dirs_exist_ok=True)
+    later(here / file)
+    try:
+        assert sorted(asked(here, "all", "lectures", "site", "lab")) == sorted(["data", *again])
+    finally:
+        shutil.rmtree(here)
 
 
-def test_a_deleted_figure_is_made_again(make, tmp_path):
-    make()
-    (tmp_path / "figures/01-a.pdf").unlink()
-    assert "notebook 01-a" in make()
-    assert (tmp_path / "figures/01-a.pdf").exists()
+def test_a_notebook_is_executed_again_after_an_edit_of_any_file_that_it_imports(tmp_path):
+    project(tmp_path)
+    rules = run("make", "-pn", f"PYTHON={sys.executable}", cwd=tmp_path, path=os.environ["PATH"]).stdout
+    needs = {*re.search(r"^\.build/notebooks/%: (.*)$", rules, re.M)[1].split()}
+    codes = ["".join(cell["source"]) for path in (ROOT / "notebooks").glob("[0-9]*.ipynb") for cell in cells(path)]
+    known, new = set(), set().union(*map(imported, codes))
+    while new:
+        known |= new
+        files = [path for name in new for path in files_of(name)]
+        assert [path for path in files if str(path.relative_to(ROOT)) not in needs] == []
+        new = set().union(*(imported(path.read_text(encoding="utf-8")) for path in files)) - known
+    assert "homing_lib.publish.drawing" in known
+
+
+def cells(notebook: Path) -> list:
+    every = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [cell for cell in every if cell["cell_type"] == "code"]
+
+
+def files_of(name: str) -> list[Path]:
+    """The file of a module or package; none for what one of them holds."""
+    path = ROOT / name.replace(".", "/")
+    return [file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()]
 
 
 @pytest.mark.parametrize(
     ("file", "again"),
     [
         ("figures/01-a.pdf", "notebook 01-a"),
-        ("paper/numbers.tex", "numbers --latex"),
+        ("paper/numbers.tex", NUMBERS),
+        ("paper/report.pdf", "report"),
+        ("notebooks/executed/demo.html", "demo"),
         (".build/notebooks/01-a", "notebook 01-a"),
     ],
 )
-def test_a_truncated_product_or_stamp_is_not_taken_for_made(make, tmp_path, file, again):
+@pytest.mark.parametrize("harm", ["truncated", "deleted", "a folder"])
+def test_a_damaged_product_or_stamp_is_made_again(make, tmp_path, file, again, harm):
     make()
-    whole = (tmp_path / file).read_bytes()
-    (tmp_path / file).write_bytes(whole[:-2])
+    path = tmp_path / file
+    whole = path.read_bytes()
+    path.unlink()
+    if harm == "truncated":
+        path.write_bytes(whole[:-2])
+    if harm == "a folder":
+        if ".build" not in file:
+            return  # what stands there is the user's
+        path.mkdir()
     assert again in make()
-    assert (tmp_path / file).read_bytes() == whole
+    assert path.read_bytes() == whole
     assert make() == ["data"]
-
-
-@pytest.mark.parametrize("stamp", ["data", "verified", "numbers", "notebooks/01-a"])
-def test_a_folder_in_the_place_of_a_stamp_is_not_taken_for_one(make, tmp_path, stamp):
-    make()
-    (tmp_path / ".build" / stamp).unlink()
-    (tmp_path / ".build" / stamp).mkdir()
-    make()
-    assert (tmp_path / ".build" / stamp).is_file()
-
-
-def test_a_truncated_report_is_made_again(make, tmp_path):
-    script(tmp_path / "bin/latexmk", "#!/bin/sh\necho pages > .build/paper/report.pdf\n")
-    make()
-    (tmp_path / "paper/report.pdf").write_text("pa")
-    make()
-    assert (tmp_path / "paper/report.pdf").read_text() == "pages\n"
 
 
 def test_a_report_that_came_with_git_pull_stays_until_the_report_is_made_again(make, tmp_path):
@@ -164,16 +209,25 @@ def test_a_report_that_came_with_git_pull_stays_until_the_report_is_made_again(m
     assert (tmp_path / "paper/report.pdf").read_text() == "pulled"
 
 
+def test_help_names_every_target_that_is_not_a_file(tmp_path):
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    told = run("make", "help", cwd=tmp_path, path=os.environ["PATH"]).stdout
+    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.M)[1].split()
+    assert re.findall(r"^make (\w+) +\w", told, re.M) != []
+    assert {*re.findall(r"^make (\w+) +\w", told, re.M)} == {*phony} - {"help", "FORCE"}
+
+
+# --- Environment -----------------------------------------------------------------------------------------------------
+
+
 def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
     for name in ("Makefile", "environment.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
     done = run("make", "-j1", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
+    ours, _ = done.stderr.splitlines()  # the second is make's own
+    assert ours.startswith("homing: 'python3.11-missing'")
+    assert "apt-get install" in ours
     assert done.returncode != 0
-    assert (
-        "homing: 'python3.11-missing' is no Python 3.11, 3.12 or 3.13 with venv; on Debian: apt-get install"
-        in done.stderr
-    )
-    assert len(done.stderr.splitlines()) == 2  # the second is make's own
     assert not (tmp_path / ".venv").exists()
 
 
@@ -193,7 +247,7 @@ def planned(folder: Path, *arguments: str) -> str:
 def test_the_first_python_that_answers_is_taken_and_pybullet_alone_compiled_where_it_has_no_wheel(tmp_path):
     plan = planned(tmp_path)
     assert "python3.12 -m venv .venv\n" in plan
-    assert "compiling it takes 7 minutes" in plan
+    assert "compiling" in plan
     assert "--only-binary :all: --no-binary pybullet --require-hashes" in plan
 
 
@@ -208,11 +262,9 @@ def test_an_environment_of_another_python_is_made_anew_and_one_of_the_same_is_ke
 
 @pytest.mark.parametrize("user", [0, 1000])
 @pytest.mark.parametrize(
-    ("asked", "needs", "more"),
-    [((), "the report needs", ""), (("lectures",), "the lectures need", " texlive-pictures")],
-    ids=["report", "lectures"],
+    ("asked", "more"), [((), ""), (("lectures",), " texlive-pictures")], ids=["report", "lectures"]
 )
-def test_without_latex_root_gets_it_and_others_are_told_the_command(asked, needs, more, user, tmp_path):
+def test_without_latex_root_gets_it_and_others_are_told_the_command(asked, more, user, tmp_path):
     script(tmp_path / "id", f"#!/bin/sh\necho {user}\n")
     script(tmp_path / "sudo", "#!/bin/sh\nexit 1\n")
     script(tmp_path / "apt-get", f'#!/bin/sh\necho "$*" >> {tmp_path}/log\n')
@@ -225,7 +277,9 @@ def test_without_latex_root_gets_it_and_others_are_told_the_command(asked, needs
         assert (tmp_path / "log").read_text() == f"{wait} update -q\n{wait} install -q -y {packages}\n"
     else:
         assert done.returncode == 1
-        assert done.stderr == f"homing: {needs} LaTeX; run: sudo apt-get install {packages}\n"
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("homing: ")
+        assert line.endswith(f"sudo apt-get install {packages}")
         assert not (tmp_path / "log").exists()
 
 
@@ -238,15 +292,14 @@ def test_the_lock_of_the_lists_is_waited_for_and_where_latex_cannot_be_had_that_
     assert (done.returncode, (tmp_path / "log").read_text()) == (0, "slept\n")
     script(tmp_path / "apt-get", "#!/bin/sh\nexit 100\n")
     done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
-    assert done.returncode == 1
     (line,) = done.stderr.splitlines()
-    assert line.startswith("homing: the packages of LaTeX cannot be listed; all but the report is made")
+    assert done.returncode == 1
+    assert line.startswith("homing: ")
 
 
 def test_notebooks_run_under_the_settings_of_the_makefile():
-    makefile = (ROOT / "Makefile").read_text()
-    for name, value in REPRODUCIBLE.items():
-        assert f"export {name} := {value}\n" in makefile
+    exported = dict(re.findall(r"^export (\w+) := (.*)$", (ROOT / "Makefile").read_text(), re.M))
+    assert {name: exported[name] for name in REPRODUCIBLE} == REPRODUCIBLE
 
 
 def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
@@ -257,7 +310,7 @@ def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [
         *project["dependencies"],
-        *(one for name in ("camera", "dev") for one in project["optional-dependencies"][name]),
+        *(one for some in ("camera", "dev") for one in project["optional-dependencies"][some]),
     ]
     names = {re.match(r"[\w-]+", dependency)[0].replace("_", "-") for dependency in wanted}
     assert names <= {name for name, _ in packages}

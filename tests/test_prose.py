@@ -68,18 +68,19 @@ def test_a_number_is_written_by_its_format(name, text, found):
 
 
 @pytest.mark.parametrize(
-    ("name", "line"),
+    ("name", "words"),
     [
-        ("varing.paper.total", "'varing': no such question or claim; there are varying, C8.*did you mean varying"),
-        ("varying.paper.totl", "number varying.paper.totl: varying has none of this name.*did you mean paper.total"),
-        ("varying", "number varying: varying has none of this name"),
-        ("varying.steps|nice", "number varying.steps|nice: a format is some decimals, or pct"),
+        ("varing.paper.total", ("'varing'", "varying, C8", "did you mean varying?")),
+        ("varying.paper.totl", ("varying.paper.totl", "did you mean paper.total?")),
+        ("varying", ("varying",)),
+        ("varying.steps|nice", ("varying.steps|nice", "pct")),
     ],
 )
-def test_an_unknown_number_is_refused_with_a_near_one(name, line, found):
-    with pytest.raises(UserError, match=f"^{line.replace('|', '[|]')}") as refusal:
+def test_an_unknown_number_is_refused_with_a_near_one(name, words, found):
+    with pytest.raises(UserError) as refusal:
         prose.number(name)
-    assert "\n" not in str(refusal.value)
+    assert str(refusal.value).isprintable()
+    assert [word for word in words if word not in str(refusal.value)] == []
 
 
 def test_marks_are_filled_and_filled_again_they_stay(found):
@@ -133,7 +134,7 @@ def test_pins_are_read_from_markdown_and_latex_paragraph_by_paragraph(written):
 
 def test_a_pin_without_a_word_is_refused_where_it_stands(written):
     written("It helps. <!-- pin: varying -->")
-    with pytest.raises(UserError, match=r"^README\.md: pin 'varying' must be a verdict's name, =, and its word$"):
+    with pytest.raises(UserError, match=r"^README\.md: pin 'varying'.*=.*"):
         prose.broken()
 
 
@@ -143,18 +144,19 @@ def test_a_sentence_whose_verdict_fell_is_named_and_one_that_quotes_a_word_unpin
         "It takes \\num{varying.paper.total} of the steps. \\pin{varying=no}\n\n"
         "\\pin{varying.steps=fewer} \\num{varying.steps|0} \\num{varying.paper.home}",
     )
-    assert prose.broken() == [
-        "README.md: rests on C8 = 'supported', found 'contradicted': All come home.",
-        "README.md: rests on C99 = 'yes', found 'no such verdict': All come home.",
-    ]
+    fallen, unknown = prose.broken()
+    for line, words in (fallen, ("C8 = 'supported'", "'contradicted'")), (unknown, ("C99 = 'yes'", "no such")):
+        assert line.startswith("README.md: ")
+        assert line.endswith("All come home.")
+        assert [word for word in words if word not in line] == []
     assert [line.split(":")[0] for line in prose.broken({**findings.verdicts(), "varying": "yes"})] == [
         *["README.md"] * 3,
         "report.tex",
     ]
-    assert prose.unpinned() == [
-        "report.tex: quotes varying.paper.total and does not pin it ('more'): "
-        "It takes \\num{varying.paper.total} of the steps."
-    ]
+    (line,) = prose.unpinned()
+    assert line.startswith("report.tex: ")
+    assert "varying.paper.total" in line
+    assert "'more'" in line
 
 
 # The prose of the repository

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import homing_lib
+from homing_lib.__main__ import homing
 from homing_lib.storage import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,6 +30,16 @@ def test_each_sample_of_the_readme_runs_where_pybullet_cannot_be_loaded(shows, m
 @pytest.mark.parametrize("path", LINKS)
 def test_what_the_readme_links_is_there(path):
     assert (ROOT / path).exists()
+
+
+@pytest.mark.parametrize(
+    "text", ["README.md", "data/README.md", "notebooks/TEACHING.md", "notebooks/site/home.md", "paper/report.tex"]
+)
+def test_every_command_that_is_named_to_a_reader_is_there(text):
+    written = (ROOT / text).read_text(encoding="utf-8")
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    assert {*re.findall(r"(?:`|\{|bin/)homing (\w+)", written)} <= {*homing.commands}
+    assert {*re.findall(r"(?:`|\{|^)make ([a-z]+)", written, re.M)} <= {*targets}
 
 
 @pytest.mark.parametrize("notebook", sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")), ids=lambda path: path.stem)

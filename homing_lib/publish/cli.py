@@ -1,31 +1,39 @@
-"""The `homing` command."""
+"""The `homing` command: a verb for all that is computed, built or looked up. What is slow to load, a verb loads."""
 
-import argparse
 import os
+import shutil
+import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from homing_lib.errors import RESUMES, UserError, nearest, shown
-from homing_lib.parallel import quieten
-from homing_lib.settings import Settings
-from homing_lib.storage import atomic_write, write_bytes
+from homing_lib.storage import ROOT, atomic_write, write_bytes
+
+if TYPE_CHECKING:
+    from homing_lib.settings import Settings
+
+RENAMED = {"sweep": "data NAME", "report": "numbers"}
+"""Verbs of earlier versions, and what does the same now."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code. A user's mistake is one line on standard error."""
-    quieten()
     try:
-        options = _parser().parse_args(arguments)
-        options.command(options)
+        # Not click's own `main`, which ends with a code of its own when the reader of a pipe has gone.
+        with homing.make_context("homing", list(sys.argv[1:] if arguments is None else arguments)) as context:
+            homing.invoke(context)
         sys.stdout.flush()
-    except BrokenPipeError:  # who reads, `head` for instance, has had enough
+    except click.exceptions.Exit as end:  # of --help
+        return end.exit_code
+    except BrokenPipeError:  # the reader, `head` for instance, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + 13  # as of those whom SIGPIPE ends
-    except (UserError, OSError) as error:
+        return 128 + 13  # as if SIGPIPE had ended it
+    except (click.UsageError, UserError, OSError) as error:
         print(f"homing: {_one_line(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -36,104 +44,80 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _one_line(error: Exception) -> str:
     """What went wrong, without what would break the line, fill the screen or steer the terminal."""
-    if isinstance(error, OSError) and error.filename:
-        told = f"{os.fsdecode(error.filename)}: cannot be used ({error.strerror}); move it away or choose another"
+    if isinstance(error, click.UsageError):
+        message = f"{error.format_message()} See `{error.ctx.command_path if error.ctx else 'homing'} --help`"
+    elif isinstance(error, OSError) and error.filename:
+        message = f"{os.fsdecode(error.filename)}: cannot be used ({error.strerror}); move it away or choose another"
     else:
-        told = str(error)
-    line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(told.split()))
+        message = str(error)
+    line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(message.split()))
     return line if len(line) <= 800 else f"{line[:500]}...{line[-297:]}"
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message}; see `{self.prog} --help`")
+class _Verbs(click.Group):
+    """Commands in the order of this file; one that was renamed, or misspelt, is answered with the name to use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name in RENAMED:
+            raise UserError(f"{name} is now `homing {RENAMED[name]}`")
+        if name not in self.commands and not name.startswith("-"):
+            raise UserError(f"{shown(name)}: no such command; `homing --help` lists them{nearest(name, self.commands)}")
+        return super().resolve_command(ctx, args)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="homing", description="A robot that learns its way home, and its study.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(name: str, function: Any, text: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=text, description=text)
-        added.set_defaults(command=function)
-        return added
-
-    run = command("run", _run, "one experiment, with the camera; prints a summary")
-    run.add_argument("--out", type=Path, metavar="FILE.npz", help="store the run")
-    film = command("film", _film, "an episode as MP4 or GIF: robot's view, room from above, similarity and lambda")
-    for to, seed, whose in ((run, 0, ""), (film, 1000, ", of the stored runs")):
-        to.add_argument("--seed", type=_seed, default=seed, help=f"by default {seed}{whose}")
-        to.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; repeatable")
-    film.add_argument("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run")
-    film.add_argument("--out", type=Path, default=Path("film.mp4"), metavar="FILE", help="by default film.mp4")
-    run.add_argument("--as-printed", action="store_true", help="start from the paper's letter, not from our choices")
-    command("settings", _settings, "every setting, its default and its source")
-    data = command("data", _data, "check the stored runs and compute those that are missing")
-    data.add_argument("--stamp", type=Path, help="write a hash of the data here, if it changed")
-    data.add_argument("--force", action="store_true", help="compute all runs from scratch")
-    sweep = command("sweep", _sweep, "compute what is missing of one study")
-    sweep.add_argument("study", help="one that `homing studies` lists")
-    sweep.add_argument("--force", action="store_true", help="compute all its runs from scratch")
-    where = sweep.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers", type=_workers, default=-1, help="processes on this machine; by default -1, one per core"
-    )
-    where.add_argument(
-        "--cluster",
-        metavar="ADDRESS",
-        help="use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, "
-        "`dask worker --nthreads 1 ADDRESS` starts one worker; without `--host` the scheduler serves whoever reaches "
-        "this machine, and asks for no password; elsewhere this same version must be installed",
-    )
-    command("studies", _studies, "every study, its reason, its size")
-    command("verify", _verify, "repeat a stored run live and compare it to the bit")
-    notebook = command("notebook", _notebook, "execute a notebook and list what it wrote")
-    notebook.add_argument("name")
-    notebook.add_argument("--profile", choices=("full", "quick"), default="full")
-    notebook.add_argument("--output-dir", type=Path)
-    notebook.add_argument("--figures-dir", type=Path)
-    numbers = command("numbers", _numbers, "fill the findings' numbers into README, lessons and notebooks")
-    numbers.add_argument("--latex", action="store_true", help="print numbers and tables of the report instead")
-    command("summary", partial(_print, "summary"), "the headline, and every verdict")
-    claims = command("claims", _claims, "questions and claims: verdict, predicate, and every number")
-    claims.add_argument("names", nargs="*", metavar="NAME", help="such as varying or C8; by default all")
-    command("errata", partial(_print, "misprints"), "every slip of the printed paper: reading, effect and proof")
-    return parser
+@click.group(cls=_Verbs, no_args_is_help=False)
+def homing() -> None:
+    """A robot that learns its way home, and its study."""
 
 
-def _seed(text: str) -> int:
-    if not text.isdecimal() or len(text) > 18:
-        raise argparse.ArgumentTypeError(
-            f"{shown(text)}: must be 0, 1, 2, ...{', of at most 18 digits' * (len(text) > 18)}"
-        )
-    return int(text)
+# --- Runs and data ---------------------------------------------------------------------------------------------------
 
 
-def _workers(text: str) -> int:
-    if text != "-1" and (not text.isdecimal() or text.strip("0") == ""):
-        raise argparse.ArgumentTypeError(f"{shown(text)}: must be 1, 2, ... processes, or -1 for one per core")
-    most = 4 * (os.cpu_count() or 1)
-    if len(text) > 9 or int(text) > most:
-        raise argparse.ArgumentTypeError(
-            f"{shown(text)}: must be at most {most}, four per core, or -1 for one per core"
-        )
-    return int(text)
+def _seed(default: int, whose: str = "") -> Callable[..., Any]:
+    text = f"By default {default}{whose}."
+    return click.option("--seed", type=click.IntRange(0, 10**18 - 1), default=default, metavar="N", help=text)
 
 
-def _run(options: argparse.Namespace) -> None:
+_changes = click.option("--set", "changes", multiple=True, metavar="NAME=VALUE", help="Change a setting; repeatable.")
+
+
+def changed_settings(changes: Iterable[str], settings: "Settings | None" = None) -> "Settings":
+    """Settings, by default ours, changed by texts like "alpha0=0.003". Raises UserError."""
+    from homing_lib.settings import Settings
+
+    pairs = [change.partition("=") for change in changes]
+    for name, equals, value in pairs:
+        if not name.strip() or not equals:
+            raise UserError(f"--set {shown(name + equals + value)[1:-1]}: expected NAME=VALUE")
+    return (settings or Settings()).with_changes(**{name: value for name, _, value in pairs})
+
+
+@homing.command()
+@_seed(0)
+@_changes
+@click.option("--out", type=Path, metavar="FILE.npz", help="Store the run.")
+@click.option("--as-printed", is_flag=True, help="Start from the paper's letter, not from our choices.")
+def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool) -> None:
+    """One experiment, with the camera; prints a summary."""
     from tqdm import tqdm
 
     from homing_lib import agent
     from homing_lib.study import runs
     from homing_lib.study.questions.printed import LETTER
 
-    settings = changed_settings(options.set, LETTER if options.as_printed else Settings())
-    with atomic_write(options.out) if options.out else nullcontext() as part:
+    settings = changed_settings(changes, LETTER if as_printed else None)
+    with atomic_write(out) if out else nullcontext() as part:
         if part:
             part.touch()  # tried before any work is done
         # Late, so that it does not stand beside a refusal.
         with tqdm(total=settings.episodes, desc="episodes", unit="episode", delay=1) as bar:
-            result = agent.run(settings, options.seed, after_episode=lambda _: bar.update())
+            result = agent.run(settings, seed, after_episode=lambda _: bar.update())
         if part:
             part.write_bytes(runs.content_of(result))
     print(f"steps per episode: {' '.join(str(length) for length in result.lengths)}")
@@ -142,93 +126,195 @@ def _run(options: argparse.Namespace) -> None:
         print(f"diverged in episode {result.diverged}")
 
 
-def _film(options: argparse.Namespace) -> None:
-    from homing_lib.publish.film import film
+@homing.command()
+@_seed(1000, ", of the stored runs")
+@_changes
+@click.option("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run.")
+@click.option("--out", type=Path, default=Path("film.mp4"), metavar="FILE", show_default=True)
+def film(seed: int, changes: tuple[str, ...], episode: int | None, out: Path) -> None:
+    """An episode as MP4 or GIF: robot's view, room from above, similarity and lambda."""
+    from homing_lib.publish import film
 
-    film(changed_settings(options.set), options.seed, options.episode, options.out)
-
-
-def changed_settings(changes: Sequence[str], settings: Settings | None = None) -> Settings:
-    """Settings, by default ours, changed by texts like "alpha0=0.003". Raises UserError."""
-    for change in changes:
-        if not change.partition("=")[0].strip() or "=" not in change:
-            raise UserError(f"--set {shown(change)[1:-1]}: expected NAME=VALUE")
-    return (settings or Settings()).with_changes(**dict(change.split("=", 1) for change in changes))
+    film.film(changed_settings(changes), seed, episode, out)
 
 
-def _settings(_: argparse.Namespace) -> None:
+@homing.command()
+def settings() -> None:
+    """Every setting, its default and its source."""
+    from homing_lib.settings import Settings
+
     for name, field in Settings.model_fields.items():
         print(f"{name:24} {field.default!s:16} {field.description}")
 
 
-def _data(options: argparse.Namespace) -> None:
+WORKERS = "Processes on this machine; by default -1, one per core."
+CLUSTER = """Use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, `dask
+worker --nthreads 1 ADDRESS` starts one worker. Without --host the scheduler serves whoever reaches this machine, and
+asks for no password. Every worker needs this same version of the library."""
+
+
+@homing.command()
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option("--force", is_flag=True, help="Compute all their runs from scratch.")
+@click.option("--workers", type=click.IntRange(-1, 4 * (os.cpu_count() or 1)), default=-1, metavar="N", help=WORKERS)
+@click.option("--cluster", metavar="ADDRESS", help=CLUSTER)
+@click.option("--stamp", type=Path, help="Write a hash of all data here, if it changed.")
+def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None, stamp: Path | None) -> None:
+    """Check the stored runs and compute those that are missing.
+
+    With the NAMEs of studies (`homing studies` lists them), of these alone. Without, of all studies; then every
+    question is judged whose data have changed.
+    """
     from tqdm import tqdm
 
     from homing_lib.study import findings, runs, studies
 
+    if workers == 0:
+        raise click.UsageError("--workers 0: nobody would compute; -1 is one per core.")
+    if cluster is not None and workers != -1:
+        raise click.UsageError("--workers are processes on this machine: not together with --cluster.")
+    if names and stamp:
+        raise click.UsageError("--stamp is of all data: not together with a NAME.")
     anew: set[Path] = set()
+    wanted, known = set(names), []
     for study in studies.in_order():
-        runs.sweep(study, force=options.force, anew=anew)
-    findings.judge_all(partial(tqdm, desc="verdicts", unit="verdict", delay=1, leave=False))
+        known.append(study.name)
+        if names and study.name not in wanted:
+            continue
+        done = runs.sweep(study, workers=workers, cluster=cluster, force=force, anew=anew)
+        if names:
+            print(f"{study.name}: {done} runs computed, {len(study)} stored", flush=True)
+            wanted.remove(study.name)
+            if not wanted:  # those after it might need tables that are not there
+                return
+    for name in sorted(wanted):
+        raise UserError(f"study {shown(name)}: none has this name; `homing studies` lists them{nearest(name, known)}")
+    findings.judge_all(lambda asked: tqdm(asked, desc="verdicts", unit="verdict", delay=1, leave=False))
     contents = {studies.PAGE: studies.page()}
-    if options.stamp:
-        contents[options.stamp] = runs.fingerprint(studies.in_order()) + "\n"
+    if stamp:
+        contents[stamp] = runs.fingerprint(studies.in_order()) + "\n"
     for path, text in contents.items():
         if not path.is_file() or path.read_bytes() != text.encode():
             write_bytes(path, text.encode())
 
 
-def _verify(_: argparse.Namespace) -> None:
-    from homing_lib.study import runs, studies
-
-    print(runs.verify(studies.HEADLINE))
-
-
-def _sweep(options: argparse.Namespace) -> None:
-    from homing_lib.study import runs, studies
-
-    for study in studies.in_order():
-        if study.name == options.study:
-            done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
-            print(f"{study.name}: {done} runs computed, {len(study)} stored")
-            return
-    like = nearest(options.study, [study.name for study in studies.in_order()])
-    raise UserError(f"study {shown(options.study)}: there is none of this name; `homing studies` lists them{like}")
-
-
-def _studies(_: argparse.Namespace) -> None:
+@homing.command()
+def studies() -> None:
+    """Every study, its reason and its size."""
     from homing_lib.study import studies
 
     for study in studies.in_order():
         print(f"{study.name:24} {len(study.conditions):4} conditions x {len(study.seeds):4} seeds  {study.reason}")
 
 
-def _notebook(options: argparse.Namespace) -> None:
+@homing.command()
+def verify() -> None:
+    """Repeat a stored run live and compare it to the bit."""
+    from homing_lib.study import runs, studies
+
+    print(runs.verify(studies.HEADLINE))
+
+
+# --- What was found --------------------------------------------------------------------------------------------------
+
+
+@homing.command()
+def summary() -> None:
+    """The headline, and every verdict."""
+    from homing_lib.publish import report
+
+    print(report.summary())
+
+
+@homing.command()
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def claims(names: tuple[str, ...]) -> None:
+    """Questions and claims, such as varying or C8, by default all: verdict, predicate, and every number."""
+    from homing_lib.publish import report
+
+    print(report.judged(names))
+
+
+@homing.command()
+def errata() -> None:
+    """Every slip of the printed paper: reading, effect and proof."""
+    from homing_lib.publish import report
+
+    print(report.misprints())
+
+
+@homing.command()
+@click.argument("figure")
+def where(figure: str) -> None:
+    """What made a FIGURE: notebook, cell and function, studies and seeds.
+
+    FIGURE is a name in figures/ or its beginning, such as drives-after or fig4, or its number in the report.
+    """
+    from homing_lib.publish.where import origin
+
+    print(origin(figure))
+
+
+# --- What is built ---------------------------------------------------------------------------------------------------
+
+
+@homing.command()
+@click.argument("name")
+@click.option("--profile", type=click.Choice(["full", "quick"]), default="full", show_default=True)
+@click.option("--output-dir", type=Path, help="Of the copy; by default executed/ beside it.")
+@click.option("--figures-dir", type=Path, help="By default figures/.")
+def notebook(name: str, profile: str, output_dir: Path | None, figures_dir: Path | None) -> None:
+    """Execute a notebook and list what it wrote."""
     from homing_lib.publish import notebooks
 
-    for path in notebooks.execute(options.name, options.profile, options.output_dir, options.figures_dir):
-        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    _list(notebooks.execute(name, profile, output_dir, figures_dir))
 
 
-def _numbers(options: argparse.Namespace) -> None:
+@homing.command()
+@click.option("--latex", is_flag=True, help="Print numbers and tables of the report instead.")
+def numbers(latex: bool) -> None:
+    """Fill the findings' numbers into README, lessons and notebooks, and name each sentence that no longer holds."""
     from homing_lib.publish import prose, report
 
-    if options.latex:
+    if latex:
         print(report.latex())
         return
-    for path in prose.update():
-        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    _list(prose.update())
     for line in [*prose.broken(), *prose.unpinned()]:
         print(f"homing: {line}", file=sys.stderr)
 
 
-def _claims(options: argparse.Namespace) -> None:
-    from homing_lib.publish import report
+@homing.command()
+def demo() -> None:
+    """The demonstration: one page that plays the walk and the robot in any browser."""
+    from homing_lib.publish import demo
 
-    print(report.judged(options.names))
+    demo.write()
+    _list([demo.PAGE])
 
 
-def _print(what: str, _: argparse.Namespace) -> None:
-    from homing_lib.publish import report
+@homing.command()
+def site() -> None:
+    """All of it as pages to read from disk, from what `make` has built."""
+    from homing_lib.publish import site
 
-    print(getattr(report, what)())
+    site.write()
+    _list([site.SITE / "index.html"])
+
+
+@homing.command()
+def lectures() -> None:
+    """Two lectures on slides, and their notes: runs `make lectures`, which needs LaTeX."""
+    from homing_lib.study.runs import missing
+
+    if not (ROOT / "Makefile").exists():
+        raise missing(ROOT / "Makefile", "missing; restore it with git")
+    if not (make := shutil.which("make")):
+        raise UserError("lectures: they are built by make, which is not installed")
+    if subprocess.run([make, "-C", ROOT, "lectures"], check=False).returncode:
+        raise UserError("lectures: `make lectures` failed; see above")
+
+
+def _list(paths: Iterable[Path]) -> None:
+    for path in paths:
+        print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

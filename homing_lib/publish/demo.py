@@ -1,6 +1,6 @@
 """The demonstration: one HTML file that plays the random walk and the robot in a browser, from disk and offline.
 
-`python -m homing_lib.publish.demo` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
+`homing demo` puts it together from notebooks/demo/: page.html, page.css and the scripts, and what
 they need of the library: DATA, which is settings, room, colours and verdicts; the room's textures; the compact atlas.
 """
 
@@ -122,7 +122,3 @@ def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
 def write(path: Path = PAGE) -> None:
     """Write the page. The same sources and data give the same bytes."""
     write_bytes(path, build().encode())
-
-
-if __name__ == "__main__":
-    write()

@@ -54,7 +54,7 @@ def execute(
         except OSError as error:
             raise UserError(f"{folder}: no folder to write to ({error.strerror})") from None
 
-    with tempfile.TemporaryDirectory() as scratch, _kernel_environment(scratch):
+    with isolated() as scratch:
         drawn = Path(scratch, "figures")  # its own, since another notebook may be writing to figures_dir
         drawn.mkdir()
         parameters = {"figures_dir": str(drawn)} | ({"profile": profile} if profile != "full" else {})
@@ -147,20 +147,27 @@ def problems(source: Path) -> list[str]:
 
 
 @contextmanager
-def _kernel_environment(scratch: str) -> Iterator[None]:
-    """Start kernels from this environment alone: nothing of the user's profile, figures inline, no warnings."""
-    before = os.environ.copy()
-    os.environ.update(
-        IPYTHONDIR=scratch,
-        JUPYTER_PATH=f"{sys.prefix}/share/jupyter",
-        JUPYTER_RUNTIME_DIR=scratch,
-        JUPYTER_PLATFORM_DIRS="1",
-        MPLBACKEND="module://matplotlib_inline.backend_inline",
-        PYDEVD_DISABLE_FILE_VALIDATION="1",
-        **REPRODUCIBLE,
-    )
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
+def isolated() -> Iterator[str]:
+    """While this lasts, Jupyter and kernels know this Python environment alone, and nothing of the user's own set-up.
+
+    Yields a folder for what they write. Figures are drawn inline, to the same bytes.
+    """
+    import matplotlib
+
+    with tempfile.TemporaryDirectory() as scratch:
+        before = os.environ.copy()
+        os.environ.pop("PYTHONSTARTUP", None)  # which IPython runs in kernels, too
+        os.environ.update(
+            dict.fromkeys(("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"), scratch),
+            JUPYTER_PATH=f"{sys.prefix}/share/jupyter",
+            JUPYTER_PLATFORM_DIRS="1",
+            MATPLOTLIBRC=f"{matplotlib.get_data_path()}/matplotlibrc",
+            MPLBACKEND="module://matplotlib_inline.backend_inline",
+            PYDEVD_DISABLE_FILE_VALIDATION="1",
+            **REPRODUCIBLE,
+        )
+        try:
+            yield scratch
+        finally:
+            os.environ.clear()
+            os.environ.update(before)

@@ -1,6 +1,6 @@
 """The site: the whole companion as pages that open from disk, ask nobody for anything, and need no JavaScript.
 
-`python -m homing_lib.publish.site` writes .build/site from the executed notebooks, the report, the film, the
+`homing site` writes .build/site from the executed notebooks, the report, the film, the
 demonstration, the verdicts and the docstrings. Every page is a notebook, if need be of one cell, that nbconvert puts
 into the template notebooks/site/; its mathematics becomes MathML on the way.
 """
@@ -8,15 +8,12 @@ into the template notebooks/site/; its mathematics becomes MathML on the way.
 import ast
 import re
 import shutil
-from collections import ChainMap
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from latex2mathml.converter import convert
-from matplotlib.figure import Figure
 from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 from pygments.formatters import HtmlFormatter
@@ -24,7 +21,8 @@ from traitlets.config import Config
 
 import homing_lib
 from homing_lib.publish.demo import PAGE, palette
-from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
+from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
+from homing_lib.publish.where import draws, imports, looked_up
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import errata, findings
@@ -70,13 +68,14 @@ def build() -> dict[str, bytes]:
         "errata.html": f"# Slips of the printed paper\n\n{errata.table(errata.ERRATA)}",
         "model.html": model(),
     }
-    for address, markdown in pages.items():
-        notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(markdown, id="page")])
-        files |= converted(notebook, address)
     ends = [("index.html", "Home"), *chain, ("claims.html", "Claims")]
-    for place, (address, notebook) in enumerate(notebooks.items(), start=1):
-        describe(notebook)
-        files |= converted(notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS)
+    with isolated():
+        for address, markdown in pages.items():
+            cell = nbformat.v4.new_markdown_cell(markdown, id="page")
+            files |= converted(nbformat.v4.new_notebook(cells=[cell]), address)
+        for place, (address, notebook) in enumerate(notebooks.items(), start=1):
+            describe(notebook)
+            files |= converted(notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS)
     return files
 
 
@@ -130,14 +129,10 @@ def converted(notebook: Notebook, address: str, **resources: Any) -> dict[str, b
         filters={"markdown2html": rendered},
         config=Config(ExtractOutputPreprocessor={"enabled": True}),
     )
-    notebook.cells = [cell for cell in notebook.cells if not any("parameters" in tag for tag in tags(cell))]
+    notebook.cells = [cell for cell in notebook.cells if "parameters" not in str(cell.metadata.get("tags"))]
     resources |= {"address": address, "title": title(notebook), "doors": DOORS, "unique_key": Path(address).stem}
     html, resources = exporter.from_notebook_node(notebook, resources)
     return {address: html.encode(), **resources["outputs"]}
-
-
-def tags(cell: Any) -> list[str]:
-    return cell.metadata.get("tags", [])
 
 
 def title(notebook: Notebook) -> str:
@@ -147,28 +142,19 @@ def title(notebook: Notebook) -> str:
 
 def describe(notebook: Notebook) -> None:
     """Give each cell that draws what a reader hears who does not see: its section, and what the function draws."""
-    section, drawn = "", drawings(notebook)
+    section, functions = "", imports(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             section = [section, *re.findall(r"^#+ (.*)", cell.source, re.M)][-1]
             continue
-        called = re.findall(r"\w+(?=\()|(?<=widgets\.)\w+", cell.source)
-        told = [drawn[name] for name in called if name in drawn]
-        cell.metadata.alt = " ".join([f"Figure, “{section}”:", *told])
+        named = [looked_up(node, functions) for node in ast.walk(ast.parse(cell.source)) if isinstance(node, ast.expr)]
+        drawings = [in_words(function) for function in named if draws(function)]
+        cell.metadata.alt = " ".join([f"Figure, “{section}”:", *drawings])
 
 
-def drawings(notebook: Notebook) -> dict[str, str]:
-    """What each function of its imports draws: the first sentence of the docstring, without what it says of its
-    arguments.
-    """
-    code = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
-    imported = re.findall(r"^from (homing_lib\.(?:publish|teach)) import (.+)$", code, re.M)
-    functions = [vars(import_module(f"{wing}.{name}")) for wing, names in imported for name in names.split(", ")]
-    return {
-        name: re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
-        for name, function in ChainMap(*functions).items()
-        if getattr(function, "__annotations__", {}).get("return") in (Figure, "Figure")
-    }
+def in_words(function: Any) -> str:
+    """What a function draws: the first sentence of its docstring, without what that says of arguments."""
+    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
 
 
 # --- Pages of our own ------------------------------------------------------------------------------------------------
@@ -232,7 +218,3 @@ def write(folder: Path = SITE) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     for name, content_ in files.items():
         write_bytes(folder / name, content_)
-
-
-if __name__ == "__main__":
-    write()

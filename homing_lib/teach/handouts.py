@@ -1,11 +1,10 @@
 """The two archives of the lab: the students', who set it up from there, and the teacher's, with all solutions executed.
 
-`build` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
+`homing lab` puts them into .build/lab, from notebooks/lab.ipynb and notebooks/lab/.
 """
 
 import logging
 import re
-import sys
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -34,7 +33,7 @@ def build(folder: Path = FOLDER) -> list[Path]:
 
 def students() -> dict[str, bytes]:
     """What is in the students' archive, by name: the blank lab, and the library."""
-    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".atlas")]
+    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".mplstyle", ".atlas")]
     files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
     for cell in to_fill(blank := filled({})):
@@ -112,8 +111,3 @@ def _written(notebook: Notebook) -> bytes:
     return f"{nbformat.writes(notebook)}\n".encode()
 
 
-if __name__ == "__main__":
-    try:
-        build()
-    except UserError as error:
-        sys.exit(str(error))

@@ -1,0 +1,174 @@
+"""From a figure to its code and data: the notebook's cell that saves it, what that cell depends on, and what draws.
+
+A notebook is read, not run. Of its statements up to the figure those count that the figure depends on: each gives a
+name that a later one reads.
+"""
+
+import ast
+import inspect
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from symtable import symtable
+from typing import Any, NamedTuple
+
+import nbformat
+from matplotlib.figure import Figure
+
+from homing_lib.errors import UserError, nearest, shown
+from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
+from homing_lib.publish.prose import LATEX
+from homing_lib.storage import ROOT
+from homing_lib.study import findings
+from homing_lib.study.runs import Study
+from homing_lib.study.studies import Later
+
+
+class Drawn(NamedTuple):
+    """A figure, and where it is saved: notebook, cell, and the statements on which it depends, the last one first."""
+
+    notebook: Path
+    cell: str
+    statements: list[ast.stmt]
+    imported: dict[str, Any]
+
+    def calls(self) -> Iterator[tuple[ast.Call, Any]]:
+        """Calls in these statements, with the function where it is one of the library."""
+        for statement in self.statements:
+            for node in ast.walk(statement):
+                if isinstance(node, ast.Call):
+                    yield node, looked_up(node.func, self.imported)
+
+    @property
+    def function(self) -> Any:
+        """What draws it."""
+        return next(function for _, function in self.calls() if draws(function))
+
+    @property
+    def asked(self) -> list[str]:
+        """The questions and claims whose findings it shows."""
+        texts = [argument for call, _ in self.calls() for argument in call.args if isinstance(argument, ast.Constant)]
+        return [name for name in findings.questions() if any(text.value == name for text in texts)]
+
+    @property
+    def studies(self) -> list[Study]:
+        """The studies that it shows, itself or through what was found about its questions."""
+        named = [node for part in self.statements for node in ast.walk(part) if isinstance(node, ast.expr)]
+        shown_ = [looked_up(node, self.imported) for node in named]
+        shown_ += [one for name in self.asked for one in findings.questions()[name].studies]
+        made = [one() if isinstance(one, Later) else one for one in shown_ if isinstance(one, Study | Later)]
+        return sorted({one.name: one for one in made}.values(), key=lambda one: one.name)
+
+
+def origin(name: str) -> str:
+    """What made a figure, as text. name: as in figures/, its beginning, or its number in the report. UserError."""
+    every = drawn()
+    in_report = re.findall(r"\\drawn(?:\[\w+\])?{([\w-]+)}", LATEX[0].read_text(encoding="utf-8"))
+    name = _named(name, every, in_report)
+    figure = every[name]
+    function = inspect.unwrap(figure.function)
+    file, line = Path(function.__code__.co_filename).relative_to(ROOT), function.__code__.co_firstlineno
+    number = f", Figure {in_report.index(name) + 1} of the report" if name in in_report else ""
+    lines = [
+        f"{name}: figures/{name}.pdf and .png{number}",
+        f"  cell      {figure.cell} of {figure.notebook.relative_to(ROOT)}; `homing notebook {figure.notebook.stem}`",
+        f"  drawn by  {function.__name__} in {file}, line {line}",
+    ]
+    for one in figure.asked:
+        judge = Path(inspect.unwrap(findings.questions()[one].judge).__code__.co_filename).relative_to(ROOT)
+        lines.append(f"  judged in {judge}; `homing claims {one}`")
+    for study in figure.studies:
+        place = (study.table if study.measure else study.folder).relative_to(ROOT)
+        scope = f"{len(study)} runs, seeds {min(study.seeds)} to {max(study.seeds)}"
+        lines.append(f"  data      {place}: {scope}; `homing data {study.name}`")
+    return "\n".join(lines if figure.studies else [*lines, "  data      computed in the notebook"])
+
+
+def _named(name: str, every: dict[str, Drawn], in_report: Sequence[str]) -> str:
+    if name in every:
+        return name
+    for begun in every:
+        if begun.startswith(f"{name}-") and name.startswith("fig"):
+            return begun
+    if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(in_report):
+        return in_report[int(number[1]) - 1]
+    raise UserError(f"figure {shown(name)}: no notebook draws it; there are {', '.join(every)}{nearest(name, every)}")
+
+
+def drawn() -> dict[str, Drawn]:
+    """Every figure that a numbered notebook saves, by its name."""
+    every: dict[str, Drawn] = {}
+    for path in sorted(NOTEBOOKS.glob("[0-9]*.ipynb")):
+        notebook = nbformat.read(path, as_version=4)
+        imported, before = imports(notebook), list[ast.stmt]()
+        for cell in notebook.cells:
+            if cell.cell_type == "code":
+                for statement in ast.parse(cell.source).body:
+                    for name in _saves(statement):
+                        every[name] = Drawn(path, cell.id, behind(statement, before), imported)
+                    before.append(statement)
+    return dict(sorted(every.items()))
+
+
+def _saves(statement: ast.stmt) -> Iterator[str]:
+    """The names under which a statement saves figures: the text beside `figures_dir`."""
+    for node in ast.walk(statement):
+        if isinstance(node, ast.Call) and any(isinstance(a, ast.Name) and a.id == "figures_dir" for a in node.args):
+            yield from (str(a.value) for a in node.args if isinstance(a, ast.Constant))
+
+
+def behind(last: ast.stmt, before: Sequence[ast.stmt]) -> list[ast.stmt]:
+    """A statement and those that it depends on, backwards."""
+    kept, (_, wanted) = [last], _names(last)
+    for statement in reversed(before):
+        given, read = _names(statement)
+        if wanted & given:
+            kept.append(statement)
+            certain = isinstance(statement, ast.Assign | ast.FunctionDef)  # nothing that stood there before is left
+            wanted = (wanted - given if certain else wanted) | read
+    return kept
+
+
+def _names(statement: ast.stmt) -> tuple[set[str], set[str]]:
+    """The names of the notebook that a statement gives, and those that it reads, also in functions inside it."""
+    outer = symtable(ast.unparse(statement), "a cell", "exec")
+    given = {symbol.get_name() for symbol in outer.get_symbols() if symbol.is_assigned()}
+    read = {symbol.get_name() for symbol in outer.get_symbols() if symbol.is_referenced()}
+    inner = outer.get_children()
+    while inner:
+        scope = inner.pop()
+        read |= {symbol.get_name() for symbol in scope.get_symbols() if symbol.is_global()}
+        inner += scope.get_children()
+    filled = [
+        node.value
+        for node in ast.walk(statement)
+        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store)
+    ]
+    return given | {base.id for base in filled if isinstance(base, ast.Name)}, read
+
+
+def imports(notebook: Notebook) -> dict[str, Any]:
+    """What a notebook imports of the library, by name; of an older copy, what there still is."""
+    available: dict[str, Any] = {}
+    for cell in notebook.cells:
+        for node in ast.walk(ast.parse(cell.source)) if cell.cell_type == "code" else ():
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("homing_lib"):
+                for name in (alias.name for alias in node.names):
+                    with suppress(ModuleNotFoundError):
+                        module = import_module(node.module)
+                        available[name] = getattr(module, name, None) or import_module(f"{node.module}.{name}")
+    return available
+
+
+def looked_up(node: ast.expr, imported: dict[str, Any]) -> Any:
+    """What `charts.worth` is in a notebook; None if it is nothing of the library."""
+    if isinstance(node, ast.Attribute):
+        return getattr(looked_up(node.value, imported), node.attr, None)
+    return imported.get(node.id) if isinstance(node, ast.Name) else None
+
+
+def draws(function: Any) -> bool:
+    """Whether it returns a figure."""
+    return getattr(function, "__annotations__", {}).get("return") in (Figure, "Figure")

@@ -1,0 +1,119 @@
+"""From a figure to its code and data: what `homing where` says is what the notebooks do."""
+
+import ast
+import re
+
+import nbformat
+import pytest
+
+from homing_lib.errors import UserError
+from homing_lib.publish import where
+from homing_lib.storage import ROOT
+
+SETUP = """
+from homing_lib.publish import figures, plots
+from homing_lib.study import findings, runs, studies
+from homing_lib.study.questions import worth
+from homing_lib.study.runs import load_table
+
+found = findings.finding("drives")
+"""
+CELLS = {
+    "unrelated": 'table = runs.load_table(studies.CALIBRATION)\nrows = {name: name for name in "ab"}',
+    "own": 'lines = []\nshares = {}\nfor name in ("x", "y"):\n    shares[name] = draw(name)',
+    "drawn": """
+def mean(which):
+    return load_table(which).steps.mean()
+
+table = mean(studies.UNLEARNT)
+shares = {name: value for name, value in [("robot", table)]}
+figures.save(figures.passing_shares(shares), figures_dir, "first")
+""",
+    "filled": """
+panels = {}
+for study in (worth.MAP, studies.UNLEARNT):
+    panels[study.name] = load_table(study)
+figure = figures.passing_shares(panels)
+figures.save(figure, figures_dir, "second")
+""",
+    "asked": 'figures.show("C8", figures.passing_shares(found), figures_dir)',
+    "live": 'if True:\n    figures.save(figures.passing_shares({}), figures_dir, "live")',
+}
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """A project of one notebook."""
+    cells = [nbformat.v4.new_code_cell(code, id=name) for name, code in {"set-up": SETUP, **CELLS}.items()]
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "01-one.ipynb")
+    monkeypatch.setattr(where, "NOTEBOOKS", tmp_path)
+    return where.drawn()
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "studies", "asked"),
+    [
+        ("first", "drawn", ["unlearnt"], []),  # not what had the same name before
+        ("second", "filled", ["unlearnt", "worth-map"], []),
+        ("live", "live", [], []),
+    ],
+)
+def test_a_figure_rests_on_what_its_cell_reads_and_on_nothing_else(name, cell, studies, asked, written):
+    figure = written[name]
+    assert (figure.notebook.name, figure.cell) == ("01-one.ipynb", cell)
+    assert [study.name for study in figure.studies] == studies
+    assert figure.asked == asked
+    assert figure.function.__name__ == "passing_shares"
+
+
+def test_a_figure_of_findings_rests_on_the_studies_of_their_questions(written):
+    asked = where.findings.questions()
+    assert written["C8"].asked == ["drives", "C8"]
+    names = {study.name for name in ("drives", "C8") for study in asked[name].tables}
+    assert {study.name for study in written["C8"].studies} == names
+
+
+def test_a_statement_depends_on_what_gives_its_names_and_not_on_names_inside_comprehensions():
+    code = "a = 1\nb = {a: a for a in range(3)}\na = 2\ndef f(x):\n    return x + a\nc = 5\nd = f(b)"
+    *before, last = ast.parse(code).body
+    assert [ast.unparse(one).splitlines()[0] for one in where.behind(last, before)] == [
+        "d = f(b)",
+        "def f(x):",
+        "a = 2",
+        "b = {a: a for a in range(3)}",
+    ]
+
+
+# --- The repository --------------------------------------------------------------------------------------------------
+
+
+def test_every_figure_of_the_repository_is_there_and_has_a_cell_that_draws_it():
+    every = where.drawn()
+    assert {*every} == {path.stem for path in (ROOT / "figures").glob("*.pdf")}
+    for name, figure in every.items():
+        cells = {cell.id: cell.source for cell in nbformat.read(figure.notebook, as_version=4).cells}
+        assert f'"{name}"' in cells[figure.cell]
+        assert figure.function.__name__ in " ".join(ast.unparse(one) for one in figure.statements)
+
+
+def test_a_figure_is_named_by_its_file_its_beginning_or_its_number_in_the_report():
+    in_report = re.findall(r"\\drawn(?:\[\w+\])?{([\w-]+)}", (ROOT / "paper/report.tex").read_text(encoding="utf-8"))
+    assert where.origin("fig6") == where.origin("fig6-learning")
+    for number, name in ((1, in_report[0]), (7, in_report[6]), (len(in_report), in_report[-1])):
+        assert where.origin(str(number)) == where.origin(name)
+        assert f"Figure {number} of" in where.origin(name)
+    assert where.origin("fig7").splitlines()[0] == where.origin("7").splitlines()[0]  # no file begins so
+    for wrong in ("0", "-1", str(len(in_report) + 1), "fig", "driv", ""):
+        with pytest.raises(UserError, match=re.escape(repr(wrong))):
+            where.origin(wrong)
+
+
+def test_what_is_said_leads_to_cell_function_judge_data_and_seeds():
+    told = where.origin("conjugate")
+    for word in ("08-what-drives-it.ipynb", "questions/conjugate.py", "`homing claims conjugate`"):
+        assert word in told
+    assert re.search(r"data/conjugate\.parquet: 100 runs, seeds 10000 to 10049; `homing data conjugate`", told)
+    assert re.search(r"data/headline: 10 runs, seeds 1000 to 1004", told)
+    function, file, line = re.search(r"drawn by  (\w+) in (\S+), line (\d+)", told).groups()
+    code = (ROOT / file).read_text(encoding="utf-8").splitlines()[int(line) - 1 :][:3]
+    assert f"def {function}(" in "".join(code)
