@@ -42,7 +42,7 @@ from homing_lib.publish import cli
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.storage import npz_bytes, read_arrays
-from homing_lib.study import findings, measures, runs, studies, theorem
+from homing_lib.study import findings, measures, runs, studies, sweep, theorem
 from homing_lib.study.questions import learns
 from homing_lib.study.runs import Study
 
@@ -125,7 +125,7 @@ class Campaign:
             before, runs.MADE_BY = runs.MADE_BY, EARLIER
             try:
                 for study in (TABLE, WHOLE):
-                    runs.sweep(study, workers=1)
+                    sweep.sweep(study, workers=1)
             finally:
                 runs.MADE_BY = before
             (self.sound / "data" / "STUDIES.md").write_text(studies.page(), encoding="utf-8")
@@ -297,7 +297,7 @@ class Campaign:
             "a link to itself": instead(lambda: path.symlink_to(path)),
             "missing": path.unlink,
         }
-        if path.suffix == ".npz":
+        if path.suffix == ".npz" and "scratch" not in path.parts:  # of which nothing but a checksum is known
             ways["altered and whole"] = lambda: self._alter(path)
         if path.suffix == ".json":
             ways["altered JSON"] = lambda: self._alter_json(path)
@@ -332,7 +332,7 @@ class Campaign:
         here, rng = self.fresh(), self.rng
         study = rng.choice([TABLE, WHOLE])
         with self.stored_in(here):
-            files = [runs._manifest(study), *runs._files(study)]
+            files = [study.manifest, *study.files]
             if study.measure and rng.random() < 0.5:
                 files = [*files, *study.folder.glob("*.npz")]
                 study.table.unlink()  # so that the single runs are asked for
@@ -343,7 +343,7 @@ class Campaign:
             outcome = self._read(study, told, "accepted")
             for _ in range(4):
                 try:
-                    runs.sweep(study, workers=1)
+                    sweep.sweep(study, workers=1)
                     break
                 except UserError as error:
                     refusal(str(error))
@@ -361,7 +361,7 @@ class Campaign:
                 raise Lost(f"{told}: refused after the sweep that mended it")
             self._provenance(study, told, harmed)
             for path, content in before.items():
-                if path not in harmed and path != runs._manifest(study) and path.read_bytes() != content:
+                if path not in harmed and path != study.manifest and path.read_bytes() != content:
                     raise Lost(f"{told}: {path.name} was sound, and is not the same")
         return outcome
 
@@ -376,7 +376,7 @@ class Campaign:
 
     def _provenance(self, study: Study, told: str, harmed: dict[Path, str]) -> None:
         """Who says that this version made what an earlier one did?"""
-        manifest = runs._manifest(study)
+        manifest = study.manifest
         if manifest not in harmed:
             made_by = json.loads(manifest.read_bytes())["made by"]
             if made_by != EARLIER:
@@ -528,7 +528,6 @@ class Campaign:
         """A command in a process of its own, with a time limit: interrupted, or sent to a cluster that is none."""
         rng = self.rng
         quick = ["--set=images=compact", "--set=survey_steps=20", "--set=max_steps=5"]
-        program = "import sys; from homing_lib.study import runs; runs._connect(sys.argv[1])"
         with socket.socket() as silent:
             silent.bind(("127.0.0.1", 0))
             silent.listen()
@@ -536,8 +535,9 @@ class Campaign:
                 port = silent.getsockname()[1]
                 address = rng.choice([f"tcp://127.0.0.1:{port}", f"tls://127.0.0.1:{port}", "ucx://127.0.0.1:1", "\n"])
                 program = (
-                    "import sys\nfrom homing_lib.errors import UserError\nfrom homing_lib.study import runs\n"
-                    "try:\n runs._connect(sys.argv[1])\nexcept UserError as error:\n sys.exit(f'homing: {error}')"
+                    "import sys\nfrom homing_lib.errors import UserError\nfrom homing_lib.parallel import results\n"
+                    "try:\n list(results(len, [((),)], cluster=sys.argv[1]))\n"
+                    "except UserError as error:\n sys.exit(f'homing: {error}')"
                 )
                 done = self._shell([sys.executable, "-c", program, address])
             else:

@@ -134,8 +134,8 @@ def test_a_stored_run_is_not_computed_again(result, tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "DATA", tmp_path)
     path = runs.path_of(HEADLINE.folder, result.settings, 3)
     runs.save(result, path)
-    manifest = {"sha256": {path.name: runs._sha256(path)}, "made by": runs.MADE_BY}
-    HEADLINE.table.with_suffix(".json").write_text(json.dumps(manifest))
+    manifest = {"sha256": {path.name: runs.sha256(path)}, "made by": runs.MADE_BY}
+    HEADLINE.manifest.write_text(json.dumps(manifest))
     monkeypatch.setattr("homing_lib.publish.film.run", None)
     assert homing_film(tmp_path / "film.gif") == 0
 

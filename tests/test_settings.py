@@ -160,7 +160,7 @@ def test_what_would_break_later_or_means_nothing_is_refused_at_once_and_shortly(
 
 def test_no_bound_refuses_what_a_study_has_stored():
     for study in studies.in_order():
-        stored = runs._read_manifest(study)
+        stored = runs.read_manifest(study)
         for values in stored.get("conditions", {}).values():
             changes = {name: value for name, value in values.items() if name != "digest"}
             assert Settings(**changes).digest == values.get("digest", Settings(**changes).digest)

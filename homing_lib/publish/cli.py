@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from homing_lib.errors import RESUMES, UserError, nearest, shown
+from homing_lib.errors import RESUMES, UserError, shown
 from homing_lib.parallel import quieten
 from homing_lib.settings import Settings
 from homing_lib.storage import atomic_write, write_bytes
@@ -164,11 +164,10 @@ def _settings(_: argparse.Namespace) -> None:
 def _data(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
-    from homing_lib.study import findings, runs, studies
+    from homing_lib.study import findings, runs, studies, sweep
 
-    anew: set[Path] = set()
-    for study in studies.in_order():
-        runs.sweep(study, force=options.force, anew=anew)
+    for _ in sweep.compute(force=options.force):
+        pass
     findings.judge_all(partial(tqdm, desc="verdicts", unit="verdict", delay=1, leave=False))
     contents = {studies.PAGE: studies.page()}
     if options.stamp:
@@ -179,21 +178,17 @@ def _data(options: argparse.Namespace) -> None:
 
 
 def _verify(_: argparse.Namespace) -> None:
-    from homing_lib.study import runs, studies
+    from homing_lib.study import studies, sweep
 
-    print(runs.verify(studies.HEADLINE))
+    print(sweep.verify(studies.HEADLINE))
 
 
 def _sweep(options: argparse.Namespace) -> None:
-    from homing_lib.study import runs, studies
+    from homing_lib.study.sweep import compute
 
-    for study in studies.in_order():
-        if study.name == options.study:
-            done = runs.sweep(study, workers=options.workers, cluster=options.cluster, force=options.force)
-            print(f"{study.name}: {done} runs computed, {len(study)} stored")
-            return
-    like = nearest(options.study, [study.name for study in studies.in_order()])
-    raise UserError(f"study {shown(options.study)}: there is none of this name; `homing studies` lists them{like}")
+    how = {"workers": options.workers, "cluster": options.cluster, "force": options.force}
+    for study, done in compute([options.study], **how):
+        print(f"{study.name}: {done} runs computed, {len(study)} stored")
 
 
 def _studies(_: argparse.Namespace) -> None:
