@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from hashlib import sha256
 from itertools import pairwise
 
 import cv2
@@ -119,8 +118,8 @@ def test_a_stored_run_is_filmed_as_it_is_once_its_manifest_vouches_for_it(films,
     runs.save(result, path)
     assert homing_film(film) == 1
     assert f"{path}: no manifest" in capsys.readouterr().err
-    manifest = {"sha256": {path.name: sha256(path.read_bytes()).hexdigest()}, "made by": runs.MADE_BY}
-    HEADLINE.table.with_suffix(".json").write_text(json.dumps(manifest))
+    manifest = {"sha256": {path.name: runs.sha256(path)}, "made by": runs.MADE_BY}
+    HEADLINE.manifest.write_text(json.dumps(manifest))
     assert homing_film(film) == 0
     assert film.read_bytes() == (films / "film.gif").read_bytes()  # which was run, and drawn, anew
 

@@ -33,7 +33,8 @@ def build(folder: Path = FOLDER) -> list[Path]:
 
 def students() -> dict[str, bytes]:
     """What is in the students' archive, by name: the blank lab, and the library."""
-    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".mplstyle", ".atlas")]
+    kinds = ".py", ".toml", ".mplstyle", ".atlas"
+    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in kinds]
     files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
     for cell in to_fill(blank := filled({})):
@@ -109,5 +110,3 @@ def _text(path: Path) -> str:
 
 def _written(notebook: Notebook) -> bytes:
     return f"{nbformat.writes(notebook)}\n".encode()
-
-
