@@ -343,6 +343,12 @@ def test_what_is_no_seed_rule_or_agent_is_refused_in_one_line(how, words):
 # What was learnt
 
 
+def test_a_stored_run_is_made_again_to_the_bit():
+    stored = runs.load_study(studies.HEADLINE)["form 2"][0]
+    again = run(stored.settings, stored.seed)
+    np.testing.assert_array_equal(again.steps, stored.steps)
+
+
 def test_in_the_stored_runs_the_last_five_episodes_are_far_shorter_than_the_first_five_and_than_a_random_robots():
     stored = runs.load_study(studies.HEADLINE)
     lengths = {label: np.array([result.lengths for result in results]) for label, results in stored.items()}
