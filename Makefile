@@ -23,7 +23,7 @@ PYTHON ?= $(or $(call found,3.11),$(call found,3.12),$(call found,3.13),python3.
 VENV   := .venv/bin/python
 HOMING := $(VENV) -m homing_lib
 
-LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py homing_lib/*.toml)
+LIBRARY   := $(wildcard homing_lib/*.py homing_lib/*/*.py homing_lib/*.toml homing_lib/*/*.toml)
 NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/[0-9]*.ipynb))
 LECTURES  := $(patsubst paper/lectures/%.tex,%,$(filter-out %/preamble.tex,$(wildcard paper/lectures/*.tex)))
 
