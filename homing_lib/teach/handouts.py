@@ -51,7 +51,8 @@ def executed(answers: Mapping[str, str]) -> bytes:
 
 def students() -> dict[str, bytes]:
     """What is in the students' archive, by name: the blank lab, and the library."""
-    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".atlas")]
+    kinds = ".py", ".toml", ".atlas", ".mplstyle"
+    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in kinds]
     files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
     return packed | {LAB.name: _content(LAB), "README.md": _content(GUIDE.with_name("README.md"))}
