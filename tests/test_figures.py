@@ -15,8 +15,11 @@ from matplotlib.image import imread
 
 from homing_lib.publish import charts, figures, forests, style
 from homing_lib.storage import ROOT
-from homing_lib.study import findings, studies
+from homing_lib.study import studies
+from homing_lib.study.findings import finding
+from homing_lib.study.questions.drives import START
 from homing_lib.study.questions.rooms import CALIBRATED_IN
+from homing_lib.thresholds import linear, square_root
 
 DRAWS = """
 import sys
@@ -56,18 +59,21 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("name", "question", "plot"),
-    [
-        ("varying", "varying", forests.varying),
-        ("varying-own", "varying", forests.own_mean),
-        ("rooms", "rooms", lambda found: forests.rooms(found, studies.ROOMS)),
-        ("rooms-matrix", "rooms", lambda found: charts.matrix(found, CALIBRATED_IN)),
-        ("worth-everywhere", "worth", lambda found: forests.everywhere(found, studies.ROOMS)),
-    ],
-)
-def test_a_stored_figure_shows_what_is_stored_as_found(tmp_path, name, question, plot):
-    figures.save(plot(findings.finding(question)), tmp_path, name)
+FORMS = [np.array([form(m) for m in range(1, 31)]) for form in (linear, square_root)]
+STORED = {
+    "fig3-thresholds": lambda: charts.threshold_forms(np.arange(1, 31), *FORMS, {m: square_root(m) for m in (12, 11)}),
+    "drives-start": lambda: forests.drives(finding("drives"), {name: name for name in START}),
+    "varying": lambda: forests.varying(finding("varying")),
+    "varying-own": lambda: forests.own_mean(finding("varying")),
+    "rooms": lambda: forests.rooms(finding("rooms"), studies.ROOMS),
+    "rooms-matrix": lambda: charts.matrix(finding("rooms"), CALIBRATED_IN),
+    "worth-everywhere": lambda: forests.everywhere(finding("worth"), studies.ROOMS),
+}
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_a_stored_figure_shows_what_is_stored_as_found(tmp_path, name):
+    figures.save(STORED[name](), tmp_path, name)
     stored = imread(ROOT / "figures" / f"{name}.png")
     np.testing.assert_array_equal(imread(tmp_path / f"{name}.png"), stored, err_msg="`make notebooks` draws it anew")
 

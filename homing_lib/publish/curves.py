@@ -85,8 +85,8 @@ def learns(atlas: Array, camera: Array, levels: Mapping[str, float], frozen: Map
     """
     figure, (axes,) = panels(3.1)
     episodes = np.arange(1, atlas.shape[1] + 1)
-    curve(axes, episodes, *band(atlas), (COLOURS["form 2"], "-"), alpha=0.25)
-    curve(axes, episodes, *band(camera), (COLOURS["camera"], (0, (4, 1.5))), alpha=0.25)
+    curve(axes, episodes, band(atlas), (COLOURS["form 2"], "-"), alpha=0.25)
+    curve(axes, episodes, band(camera), (COLOURS["camera"], (0, (4, 1.5))), alpha=0.25)
     for after, steps in frozen.items():
         axes.vlines(after, steps.low, steps.high, color=COLOURS["frozen"], linewidth=1.4)
         axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
@@ -117,9 +117,8 @@ def _by_episode(axes: Axes, tables: Mapping[str, Array]) -> dict[str, tuple[floa
     ends = {}
     for (name, table), line in zip(tables.items(), LINES, strict=False):
         episodes = np.arange(1, table.shape[1] + 1)
-        middle, low, high = band(table)
-        curve(axes, episodes, middle, low, high, line)
-        ends[name] = float(episodes[-1]), float(middle[-1])
+        curve(axes, episodes, band(table), line)
+        ends[name] = float(episodes[-1]), float(table[:, -1].mean())
     axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     return ends
@@ -153,9 +152,8 @@ def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], start
         ends = {}
         for room, line in zip(rooms, LINES, strict=False):
             ratios = np.array([finding[f"{room}.{start}.{number}"].interval for number in episodes])
-            middle, low, high = ratios.T
-            curve(axes, np.array(episodes), middle, low, high, line)
-            ends[room] = float(episodes[-1]), float(middle[-1])
+            curve(axes, episodes, ratios.T, line)
+            ends[room] = float(episodes[-1]), float(ratios[-1, 0])
         axes.axhline(1, **DASHED)
         axes.set(title=title, xlabel="episodes so far", xlim=(episodes[0], episodes[-1]))
         log_axis(axes, "y")
@@ -176,7 +174,7 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
         if not drawn.any():
             ends[f"{name}: beyond {top:g}"] = step_sizes[0], top
             continue
-        curve(axes, step_sizes[drawn], mean[drawn], low[drawn], np.minimum(high, top)[drawn], line)
+        curve(axes, step_sizes[drawn], np.array([mean, low, np.minimum(high, top)])[:, drawn], line)
         best = mean.argmin()
         least = min(least, (mean[best], name, step_sizes[best]))
         axes.plot(step_sizes[best], mean[best], "o", color=line[0], markersize=4)

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
-from homing_lib.features import Array
 from homing_lib.publish.style import DASHED, LINES, TEXT_WIDTH, Look
 from homing_lib.study.bootstrap import Interval
 from homing_lib.study.findings import Comparison
@@ -45,11 +44,9 @@ def mark(
     axes.plot(interval.value, at, **look.line(9 if look.marker == "|" else size) | options)
 
 
-def curve(
-    axes: Axes, x: Array, middle: Array, low: Array, high: Array, line: tuple[str, Any], alpha: float = 0.2
-) -> None:
-    """A curve in this colour and these dashes, its interval shaded."""
-    colour, dashes = line
+def curve(axes: Axes, x: Any, middle_and_ends: Any, line: tuple[str, Any], alpha: float = 0.2) -> None:
+    """A curve in this colour and these dashes, its interval shaded. middle_and_ends: shape (3, len(x))."""
+    (middle, low, high), (colour, dashes) = middle_and_ends, line
     axes.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0)
     axes.plot(x, middle, color=colour, linestyle=dashes)
 
