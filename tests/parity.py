@@ -118,7 +118,7 @@ def draw(rng: random.Random, atlases: list[Settings]) -> Case:
         return Case(settings, rng.randrange(10**6), rule, sarsa and rule is None and rng.random() < 0.1)
 
 
-def told(case: Case, run: Callable[..., agent.Run], run_episode: Callable[..., Any]) -> dict[str, Any]:
+def left_by(case: Case, run: Callable[..., agent.Run], run_episode: Callable[..., Any]) -> dict[str, Any]:
     """All that a run, and what is tried after it, leaves behind."""
     found: dict[str, Any] = {}
 
@@ -183,8 +183,8 @@ def differ(case: Case) -> list[str]:
             assert case.rule, f"not compiled: {case}"
             return result
 
-    ours = told(case, compiled_run, compiled_episode)
-    theirs = told(case, agent.run, agent.run_episode)
+    ours = left_by(case, compiled_run, compiled_episode)
+    theirs = left_by(case, agent.run, agent.run_episode)
     return [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
 
 

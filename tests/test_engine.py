@@ -3,6 +3,7 @@
 import math
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -19,9 +20,7 @@ import pytest
 import homing_lib
 from homing_lib import agent, lambdas
 from homing_lib.agent import SarsaAgent, run_episode
-from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
-from homing_lib.features import CountedViews, HomeModel
 from homing_lib.lambdas import fletcher_reeves
 from homing_lib.settings import Settings
 from homing_lib.study import engine, rules
@@ -31,7 +30,8 @@ from tests import parity
 pytest.importorskip("numba")
 
 HOUSE = Path(homing_lib.__file__).parent
-SOURCE = (HOUSE / "study" / "compiled.py").read_text(encoding="utf-8")
+FILES = [HOUSE / "study" / name for name in ("compiled_world.py", "compiled.py")]
+SOURCE = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
 TINY = Settings(images="compact", episodes=2, survey_steps=60, max_steps=80)
 
 
@@ -45,33 +45,33 @@ def same(one, other):
 @pytest.fixture(scope="module")
 def atlases(tmp_path_factory):
     """Settings of small atlases with all kinds of views."""
-    with parity.coarse_atlases(tmp_path_factory.mktemp("atlases"), random.Random(0), 6) as found:
+    with parity.coarse_atlases(tmp_path_factory.mktemp("atlases"), random.Random(0), 3) as found:
         yield found
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_hundred_runs_drawn_by_chance_are_in_all_they_leave_behind_those_of_python(seed, atlases):
+@pytest.mark.parametrize("seed", range(2))
+def test_runs_drawn_by_chance_are_in_all_they_leave_behind_those_of_python(seed, atlases):
     """The long campaign: `python -m tests.parity`."""
     rng = random.Random(seed)
-    assert [case for case in (parity.draw(rng, atlases) for _ in range(100)) if parity.differ(case)] == []
+    assert [case for case in (parity.draw(rng, atlases) for _ in range(75)) if parity.differ(case)] == []
 
 
 def test_the_cases_draw_every_setting_and_their_runs_are_long(atlases):
     rng = random.Random(0)
     cases = [parity.draw(rng, atlases) for _ in range(100)]
-    undrawn = {"traces"} if atlases else {"traces", "images", "room", *parity.SEEN}
+    undrawn = {"traces", *parity.SEEN, *(() if atlases else ("images", "room"))}
     for name in Settings.model_fields:
         if name not in undrawn:
             assert len({getattr(case.settings, name) for case in cases}) > 1, name
-    lengths = [parity.told(case, engine.run, engine.run_episode).get("count", 0) for case in cases[:40]]
-    assert median(lengths) >= 200
+    lengths = [parity.left_by(case, engine.run, engine.run_episode).get("count", 0) for case in cases[:20]]
+    assert median(lengths) >= 150
 
 
 def interpreted(source):
     """The compiled code without its compiler: slow, and quickly changed."""
     module = ModuleType("homing_lib.study.compiled")
-    plain = source.replace("cache=_kept", "cache=False").replace("@_compiled\n", "").replace("@_inlined\n", "")
-    exec(plain, module.__dict__)
+    plain = source.replace("cache=KEPT", "cache=False").replace("@compiled\n", "").replace("@inlined\n", "")
+    exec(re.sub(r"^from homing_lib.study.compiled_world import .*$", "", plain, flags=re.MULTILINE), module.__dict__)
     return module
 
 
@@ -105,30 +105,8 @@ def test_a_fault_in_the_compiled_code_is_found_by_the_cases(fault, monkeypatch):
 
 def test_a_run_longer_than_one_call_of_the_compiled_code_is_the_same(monkeypatch):
     whole = engine.run(TINY, 0)
-    monkeypatch.setattr(engine, "_ROWS", 1)
+    monkeypatch.setattr(engine, "ROWS", 1)
     assert same(engine.run(TINY, 0), whole)
-
-
-# Features from a table
-
-
-@pytest.mark.parametrize(
-    ("pixels", "variance", "tables"), [(16, (0.1, 0.1, 0.1), 1), (16, (0.1, 0.2, 0.1), 3), (9, (0.1,) * 3, 3)]
-)
-def test_counted_views_have_the_features_of_their_shares_to_the_bit(pixels, variance, tables):
-    counts = np.array([3, 0, 5], dtype=np.uint16)
-    model = HomeModel(np.array([[2, 1, 6]]) / pixels, np.array([variance]))
-    views = CountedViews(model, np.array([4, 3, 7]), pixels)
-    assert views.features(counts).tobytes() == model.features(counts / pixels).tobytes()
-    assert len(set(views.start.tolist())) == tables
-
-
-def test_what_an_environment_observes_is_a_new_array_each_time():
-    with HomingEnv(TINY, observation="features") as env:
-        first, _ = env.reset(seed=0)
-        kept = first.copy()
-        first += 1
-        np.testing.assert_array_equal(env.reset(seed=0)[0], kept)
 
 
 # Rules
@@ -136,30 +114,6 @@ def test_what_an_environment_observes_is_a_new_array_each_time():
 
 def halved(factor):
     return lambda *, delta, delta_prev, **_: factor if delta * delta_prev > 0 else 0.0
-
-
-def counting():
-    count = 0
-
-    def rule(**_):
-        nonlocal count
-        count += 1
-        return 1 / count
-
-    return rule
-
-
-def remembering(*, delta, _seen=[], **_):  # noqa: B006, which is its point
-    _seen.append(delta)
-    return 0.5
-
-
-def powers(*, delta, **_):
-    return min(1.0, abs(delta) ** 0.5)
-
-
-def of_a_dictionary(**seen):
-    return 0.5 if seen["delta"] > 0 else 0.0
 
 
 def calling(*, delta, phi, delta_prev, phi_prev, discount, **_):
@@ -177,24 +131,59 @@ def guarded(*, delta, delta_prev, **_):
         return 0.0
 
 
+def counting():
+    calls = 0
+
+    def rule(**_):
+        nonlocal calls
+        calls += 1
+        return 1 / calls
+
+    return rule
+
+
+def remembering(*, delta, _seen=[], **_):  # noqa: B006, which is its point
+    _seen.append(delta)
+    return 0.5
+
+
+def keeping_count(**_):
+    keeping_count.calls = getattr(keeping_count, "calls", 0) + 1
+    return 0.5
+
+
+def calling_itself(*, delta, depth=2, **_):
+    return calling_itself(delta=delta, depth=depth - 1) if depth else 0.5
+
+
 class Halved:
     def __call__(self, **_):
         return 0.5
 
 
-@pytest.mark.parametrize("rule", [*lambdas.RULES.values(), lambdas.Fixed(0.3), halved(0.5), calling, with_a_default])
-def test_rules_that_depend_on_the_step_alone_are_compiled(rule):
+COMPILED = [*lambdas.RULES.values(), lambdas.Fixed(0.3), halved(0.5), calling, with_a_default]
+IN_PYTHON = {
+    "it keeps a state": [counting, lambda: remembering, lambda: keeping_count],
+    "it is no plain function": [Halved, lambda: lambda **seen: 0.5 if seen["delta"] > 0 else 0.0],
+    "it calls itself, or catches what is raised": [lambda: calling_itself, lambda: guarded],
+    "compiled it might compute otherwise": [
+        lambda: lambda *, delta, **_: min(1.0, abs(delta) ** 0.5),
+        lambda: lambda *, phi, **_: float(np.sum(phi)) / 1000,
+        lambda: lambda *, delta, **_: math.tanh(abs(delta)),
+        lambda: lambda *, phi, **_: 1 / np.linalg.norm(phi),
+    ],
+}
+
+
+@pytest.mark.parametrize("rule", COMPILED)
+def test_a_rule_that_depends_on_the_step_alone_is_compiled(rule):
     assert engine.compiles(rule)
     assert same(engine.run(TINY, 1, rule), agent.run(TINY, 1, rule))
 
 
-@pytest.mark.parametrize("rule", [counting(), remembering, powers, of_a_dictionary, Halved(), np.sign])
-def test_rules_that_keep_a_state_or_are_no_plain_functions_are_for_python(rule):
-    assert not engine.compiles(rule)
-
-
-@pytest.mark.parametrize("make", [counting, lambda: powers, lambda: of_a_dictionary, Halved, lambda: guarded])
-def test_a_rule_gives_the_same_run_whoever_runs_it(make):
+@pytest.mark.parametrize("make", [make for makes in IN_PYTHON.values() for make in makes])
+def test_any_other_rule_is_for_python_and_gives_the_same_run(make):
+    assert not engine.compiles(make())
     assert same(engine.run(TINY, 1, make()), agent.run(TINY, 1, make()))
 
 
@@ -212,33 +201,6 @@ def test_a_constant_that_was_changed_between_two_runs_is_the_new_one(monkeypatch
     assert set(np.unique(before.column("lambda"))) == {0, 0.5}
     assert set(np.unique(after.column("lambda"))) == {0, 0.125}
     assert set(np.unique(engine.run(TINY, 1, halved(0.75)).column("lambda"))) <= {0, 0.75}
-
-
-def summed(*, phi, **_):
-    return float(np.sum(phi)) / 1000
-
-
-def of_tanh(*, delta, **_):
-    return math.tanh(abs(delta))
-
-
-def of_a_norm(*, phi, **_):
-    return 1 / np.linalg.norm(phi)
-
-
-def keeping_count(**_):
-    keeping_count.calls = getattr(keeping_count, "calls", 0) + 1
-    return 0.5
-
-
-def calling_itself(*, delta, depth=2, **_):
-    return calling_itself(delta=delta, depth=depth - 1) if depth else 0.5
-
-
-@pytest.mark.parametrize("rule", [summed, of_tanh, of_a_norm, powers, keeping_count, calling_itself])
-def test_a_rule_that_might_compute_otherwise_when_compiled_is_for_python(rule):
-    assert not engine.compiles(rule)
-    assert same(engine.run(TINY, 1, rule), agent.run(TINY, 1, rule))
 
 
 def late_mistake(*, delta, phi, **_):
@@ -285,22 +247,7 @@ def test_a_forgetful_robot_begins_every_episode_with_its_first_weights():
     def forgetful(*made):
         return RestoredAgent(SarsaAgent(*made))
 
-    assert same(engine.run_compiled(TINY, 1, agent=forgetful), agent.run(TINY, 1, agent=forgetful))
     assert not same(engine.run(TINY, 1, agent=forgetful), agent.run(TINY, 1))
-
-
-def test_a_greedy_robot_always_takes_its_best_action_and_learns_nothing():
-    def afterwards(env, driver):
-        before = driver.learner.weights.copy()
-        for episode in (engine.run_episode, run_episode):
-            steps, _ = episode(env, FrozenAgent(driver, greedy=True))
-            assert not steps[:, 6:10].any()
-            taken.append(steps.tobytes())
-        np.testing.assert_array_equal(driver.learner.weights, before)
-
-    taken = []
-    engine.run(TINY, 1, afterwards=afterwards)
-    assert taken[0] == taken[1]
 
 
 class Forward(SarsaAgent):
@@ -328,19 +275,6 @@ def test_an_agent_of_other_features_is_refused_as_in_python():
     for run in (agent.run, engine.run):
         with pytest.raises(ValueError, match=r"dimension|shape"):
             run(TINY, 1, agent=other)
-
-
-def test_a_frozen_robot_keeps_the_exploration_of_its_episode():
-    trained = []
-    agent.run(TINY, 1, afterwards=lambda env, driver: trained.append(driver))
-    trained[0].begin_episode(200)
-
-    def frozen(settings, rng):
-        trained[0].rng = rng
-        return FrozenAgent(trained[0])
-
-    assert same(engine.run_compiled(TINY, 1, agent=frozen), agent.run(TINY, 1, agent=frozen))
-    assert trained[0].epsilon == trained[0].rates(200)[1]
 
 
 def without_a_ratio(*, delta, phi, **_):
@@ -403,7 +337,7 @@ def test_progress_is_told_of_every_episode_and_a_run_that_diverges_says_where():
 
 
 SMALL_ENGINE = """
-from numba import cfunc, config, njit
+from numba import config, njit
 KEPT = bool(config.CACHE_DIR)
 @njit(cache=KEPT)
 def number():
@@ -440,7 +374,9 @@ def test_a_changed_engine_is_compiled_anew_though_its_file_seems_as_old_and_as_l
     copy.source.write_text(SMALL_ENGINE.replace("return 1", "return 2"), encoding="utf-8")
     os.utime(copy.source, ns=(before.st_atime_ns, before.st_mtime_ns))
     assert copy.source.stat().st_size == before.st_size
-    assert copy() == (["2", "True"], [], 0)
+    program = "import numba; from homing_lib.study import engine; print(engine.load().number(), numba.config.CACHE_DIR)"
+    theirs = str(copy.folder / "theirs")
+    assert copy(program, NUMBA_CACHE_DIR=theirs) == (["2", theirs], [], 0)  # whose own settings stay as they are
     assert len(list((copy.folder / ".build" / "numba").iterdir())) == 2
 
 
@@ -468,9 +404,3 @@ def test_without_a_compiler_all_is_the_same_and_slower_and_that_is_said_once(cop
     assert (found, code) == ([str(expected)] * 2, 0)
     told = [line for line in said if line.startswith("homing: ")]
     assert len(told) == 1 and told[0].endswith("runs take ten times as long; their results are the same")
-
-
-def test_the_users_own_settings_of_the_compiler_stay_as_they_are(copy, tmp_path):
-    program = "import numba; from homing_lib.study import engine; engine.load(); print(numba.config.CACHE_DIR)"
-    assert copy(program, NUMBA_CACHE_DIR=str(tmp_path / "theirs")) == ([str(tmp_path / "theirs")], [], 0)
-    assert not (tmp_path / "theirs").exists()

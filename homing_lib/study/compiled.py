@@ -1,17 +1,19 @@
 """What `environment`, `robot`, `policy` and `sarsa` say in words, compiled: whole episodes on an atlas, some ten times
 as fast and the same to the bit (`tests/test_engine.py`). There is the text; here, line by line, its translation.
 
-All that is compiled stands in this file, for the compiler's cache is kept under the hash of its content (`compiling`).
+All that is compiled stands here and in `compiled_world`: the compiler's cache is kept under the hash of both files.
 Sums and products are made in the order in which Python and NumPy make them.
 """
 
-from math import atan2, cos, exp, isfinite, pi, sin, sqrt
+from math import exp, isfinite, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import cfunc, config, njit, types
+from numba import cfunc, types
 
-OUTSIDE_M, LARGEST = -0.1, float(np.finfo(float).max)  # as in `atlas` and `policy`
+from homing_lib.study.compiled_world import KEPT, Body, World, act, clearance, compiled, inlined, look, nearest, wander
+
+LARGEST = float(np.finfo(float).max)  # as in `policy`
 
 DONE, DIVERGED, REPEAT = range(3)
 """How `episodes` ends: all were driven; the weights left the finite numbers; Python has to say what is wrong."""
@@ -22,42 +24,6 @@ MIXTURES = ("epsilon-greedy", "normalised", "literal")
 _vector = types.Array(types.float64, 1, "C")
 RULE = types.float64(types.float64, _vector, types.float64, _vector, _vector, types.float64)
 """A compiled rule: delta, phi, delta_prev, phi_prev, trace_prev, discount. Not finite: it has no ratio."""
-
-_kept = bool(getattr(config, "CACHE_DIR", ""))
-_compiled = njit(cache=_kept, nogil=True, error_model="numpy")  # which divides by 0 as NumPy does
-_inlined = njit(nogil=True, error_model="numpy", inline="always")
-
-
-class World(NamedTuple):
-    """An atlas (`Atlas`) and what a robot makes of its views (`CountedViews`).
-
-    views: pixels in each bin, shape (lattice poses, bins); front_m: the least of what the front sensors read there;
-    position, clearance_m: shape (nx, ny); values, start, centre: phi_i = values[start_i + |count_i - centre_i|].
-    """
-
-    views: Any
-    front_m: Any
-    position: Any
-    clearance_m: Any
-    x0: float
-    y0: float
-    heading0: float
-    per_metre: float
-    per_radian: float
-    headings: int
-    values: Any
-    start: Any
-    centre: Any
-
-
-class Body(NamedTuple):
-    """The robot. commands_m, turns_m: ways of the (left, right) wheel, shapes (3, 2) and (2, 2)."""
-
-    commands_m: Any
-    turns_m: Any
-    wheel_base_m: float
-    slip: float
-    clear_way_m: float
 
 
 class Task(NamedTuple):
@@ -101,162 +67,24 @@ class Agent(NamedTuple):
     learns_at_walls: bool
 
 
-@cfunc(RULE, cache=_kept)
+@cfunc(RULE, cache=KEPT)
 def no_rule(delta: Any, phi: Any, delta_prev: Any, phi_prev: Any, trace_prev: Any, discount: Any) -> Any:
     """Where lambdas are given."""
     return np.nan
 
 
-# --- The world: atlas, features, robot --------------------------------------------------------------------------------
-
-
-@_compiled
-def _clearance(world: Any, x: Any, y: Any) -> Any:
-    nx, ny = world.clearance_m.shape
-    u, v = (x - world.x0) * world.per_metre, (y - world.y0) * world.per_metre
-    if not (0 <= u < nx - 1 and 0 <= v < ny - 1):
-        return OUTSIDE_M
-    i, j = int(u), int(v)
-    u, v = u - i, v - j
-    c = world.clearance_m
-    return (1 - u) * ((1 - v) * c[i, j] + v * c[i, j + 1]) + u * ((1 - v) * c[i + 1, j] + v * c[i + 1, j + 1])
-
-
-@_compiled
-def _nearest(world: Any, x: Any, y: Any, heading: Any) -> Any:
-    """The number of the nearest lattice pose; -1 where the robot cannot stand."""
-    i, j = round((x - world.x0) * world.per_metre), round((y - world.y0) * world.per_metre)
-    nx, ny = world.position.shape
-    if not (0 <= i < nx and 0 <= j < ny) or world.position[i, j] < 0:
-        return -1
-    return world.position[i, j] + round((heading - world.heading0) * world.per_radian) % world.headings
-
-
-@_compiled
-def _sum(a: Any) -> Any:
-    """NumPy's pairwise sum."""
-    n = len(a)
-    if n > 128:
-        half = n // 2
-        half -= half % 8
-        return _sum(a[:half]) + _sum(a[half:])
-    if n < 8:
-        total = 0.0
-        for value in a:
-            total += value
-        return total
-    s0, s1, s2, s3, s4, s5, s6, s7 = a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]
-    end = n - n % 8
-    for k in range(8, end, 8):
-        s0 += a[k]
-        s1 += a[k + 1]
-        s2 += a[k + 2]
-        s3 += a[k + 3]
-        s4 += a[k + 4]
-        s5 += a[k + 5]
-        s6 += a[k + 6]
-        s7 += a[k + 7]
-    total = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
-    for k in range(end, n):
-        total += a[k]
-    return total
-
-
-@_inlined
-def _look(world: Any, number: Any, phi: Any) -> Any:
-    """Write the features of a lattice pose into phi, and return their mean, the similarity."""
-    view, values, start, centre = world.views[number], world.values, world.start, world.centre
-    for first in range(0, len(phi), len(view)):
-        for k in range(len(view)):
-            i = first + k
-            phi[i] = values[np.uint64(start[i] + abs(np.int32(view[k]) - centre[i]))]
-    return _sum(phi) / len(phi)
-
-
-@_compiled
-def _wrapped(angle: Any) -> Any:
-    return atan2(sin(angle), cos(angle)) if abs(angle) > pi else angle
-
-
-@_compiled
-def _arc(x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -> Any:
-    turn = (right - left) / wheel_base
-    half = turn / 2
-    chord = (left + right) / 2 * (sin(half) / half if half != 0 else 1.0)
-    direction = heading + half
-    return x + chord * cos(direction), y + chord * sin(direction), _wrapped(heading + turn)
-
-
-@_inlined
-def _drive(world: Any, x: Any, y: Any, heading: Any, left: Any, right: Any, wheel_base: Any) -> Any:
-    """The pose in the end, and whether an obstacle stopped the robot."""
-    advance = abs(left + right) / 2
-    if advance == 0 or _clearance(world, x, y) > advance:
-        return _arc(x, y, heading, left, right, wheel_base), False
-    blocked = 0.0
-    for quarter in range(1, 5):
-        share = quarter / 4
-        to_x, to_y, _ = _arc(x, y, heading, share * left, share * right, wheel_base)
-        if _clearance(world, to_x, to_y) < 0:
-            blocked = share
-            break
-    if blocked == 0:
-        return _arc(x, y, heading, left, right, wheel_base), False
-    free = blocked - 0.25
-    for _ in range(10):
-        middle = (free + blocked) / 2
-        to_x, to_y, _ = _arc(x, y, heading, middle * left, middle * right, wheel_base)
-        if _clearance(world, to_x, to_y) < 0:
-            blocked = middle
-        else:
-            free = middle
-    return _arc(x, y, heading, free * left, free * right, wheel_base), True
-
-
-@_inlined
-def _act(world: Any, body: Any, pose: Any, reflex: Any, action: Any, rng: Any) -> Any:
-    """One step: the pose, the lattice pose seen from there (-1: none), action driven, reflex to come, at a wall."""
-    if reflex < 0:
-        left, right = body.commands_m[action, 0], body.commands_m[action, 1]
-    else:
-        action = reflex
-        left, right = body.turns_m[reflex, 0], body.turns_m[reflex, 1]
-    if body.slip != 0:
-        left = left * (1 + body.slip * rng.standard_normal())
-        right = right * (1 + body.slip * rng.standard_normal())
-    pose, stopped = _drive(world, pose[0], pose[1], pose[2], left, right, body.wheel_base_m)
-    number = _nearest(world, pose[0], pose[1], pose[2])
-    at_wall = stopped or reflex >= 0
-    if stopped:
-        reflex = 0 if rng.random() < 0.5 else 1
-    elif reflex >= 0 and number >= 0 and world.front_m[number] >= body.clear_way_m:
-        reflex = -1
-    return pose, number, action, reflex, at_wall
-
-
-@_compiled
-def wander(world: Any, body: Any, pose: Any, rng: Any, seen: Any) -> Any:
-    """A survey's random drive: the number of the lattice pose after each step. False: one cannot stand somewhere."""
-    reflex = -1
-    for step in range(len(seen)):
-        pose, seen[step], _, reflex, _ = _act(world, body, pose, reflex, rng.integers(0, 3), rng)
-        if seen[step] < 0:
-            return False
-    return True
-
-
-@_compiled
+@compiled
 def _free_pose(world: Any, task: Any, rng: Any) -> Any:
     while True:
         x, y = rng.uniform(0, task.width), rng.uniform(0, task.depth)
-        if _clearance(world, x, y) >= 0:
+        if clearance(world, x, y) >= 0:
             return x, y, rng.uniform(-pi, pi)
 
 
 # --- Choosing actions -------------------------------------------------------------------------------------------------
 
 
-@_compiled
+@compiled
 def _largest(values: Any) -> Any:
     """The place of the largest, the first of equals."""
     best = 0
@@ -266,7 +94,7 @@ def _largest(values: Any) -> Any:
     return best
 
 
-@_compiled
+@compiled
 def _probabilities(values: Any, epsilon: Any, temperature: Any, mixture: Any, shares: Any) -> None:
     """Eq. (20)-(22)."""
     for k in range(3):
@@ -303,7 +131,7 @@ def _probabilities(values: Any, epsilon: Any, temperature: Any, mixture: Any, sh
         shares[k] = shares[k] / total
 
 
-@_compiled
+@compiled
 def _sample(shares: Any, rng: Any) -> Any:
     remaining = rng.random()
     for action in range(3):
@@ -313,7 +141,7 @@ def _sample(shares: Any, rng: Any) -> Any:
     return 2
 
 
-@_inlined
+@inlined
 def _choose(
     agent: Any, phi: Any, nrb: Any, before: Any, last: Any, rates: Any, rng: Any, values: Any, shares: Any
 ) -> Any:
@@ -339,7 +167,7 @@ def _choose(
 # --- Episodes ---------------------------------------------------------------------------------------------------------
 
 
-@_compiled
+@compiled
 def episodes(
     world: Any,
     body: Any,
@@ -384,20 +212,20 @@ def episodes(
         pose = (place[0], place[1], place[2])
         if not isfinite(place[0]):
             pose = _free_pose(world, task, world_rng)
-        reflex, at = -1, _nearest(world, pose[0], pose[1], pose[2])
+        reflex, at = -1, nearest(world, pose[0], pose[1], pose[2])
         if at < 0:
             return REPEAT
-        nrb = _look(world, at, phi)
+        nrb = look(world, at, phi)
         action = _choose(agent, phi, nrb, np.inf, 0, rates, agent_rng, values, shares)
         last, seen = action, nrb
         for t in range(1, task.max_steps + 1):
             if t - 1 == carried[0]:
                 pose, reflex = (carried[1], carried[2], carried[3]), -1
-            pose, at, action, reflex, at_wall = _act(world, body, pose, reflex, action, world_rng)
+            pose, at, action, reflex, at_wall = act(world, body, pose, reflex, action, world_rng)
             if at < 0:
                 return REPEAT
             before = nrb
-            nrb = _look(world, at, phi_next)
+            nrb = look(world, at, phi_next)
             terminal = nrb >= task.psi_upper
             reward = -1 / t if task.constant_cost == 0 else -task.constant_cost
             if task.approach_reward and nrb >= task.psi_lower and before >= task.psi_lower:

@@ -46,6 +46,9 @@ def load() -> Any:
         return _loaded()
 
 
+_MODULES = ("homing_lib.study.compiled_world", "homing_lib.study.compiled")
+
+
 @cache
 def _loaded() -> ModuleType | None:
     slower = "runs take ten times as long; their results are the same"
@@ -55,18 +58,20 @@ def _loaded() -> ModuleType | None:
         _say(f"numba cannot be loaded ({_short(error)}): {slower}")
         return None
     config: Any = numba.config
-    name, own = "homing_lib.study.compiled", config.CACHE_DIR
-    key = hashlib.sha256(Path(__file__).with_name("compiled.py").read_bytes()).hexdigest()[:16]
+    own = config.CACHE_DIR
+    files = [Path(__file__).with_name(f"{name.rpartition('.')[2]}.py") for name in _MODULES]
+    key = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
     checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
     problem: Exception | None = None
     for place in (*checkout, platformdirs.user_cache_path("homing"), None):
         config.CACHE_DIR = str(place / "numba" / key) if place else ""
-        sys.modules.pop(name, None)
+        for name in _MODULES:
+            sys.modules.pop(name, None)
         try:
             if place:  # tried here, since numba would choose another place without a word
                 Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
                 TemporaryFile(dir=config.CACHE_DIR).close()
-            compiled = importlib.import_module(name)
+            compiled = importlib.import_module(_MODULES[-1])
             compiled.warm()
         except OSError as error:  # no place to write to, or no more of it
             problem = error

@@ -36,7 +36,7 @@ from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, Re
 from homing_lib.survey import survey
 from homing_lib.thresholds import stopping_thresholds
 
-_ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
+ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
 _MOST_LAMBDAS = 10_000_000  # that are drawn beforehand
 _NEVER = np.array([-1.0, 0.0, 0.0, 0.0])  # is the robot carried away
 _NONE = np.empty(0)
@@ -196,7 +196,7 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
     progress, blocks, rows = np.zeros(4, np.int64), [], np.array(schedule, dtype=float)
     ended = compiled.DONE
     while ended == compiled.DONE and progress[0] < count:
-        block = np.empty((max(min(_ROWS, (count - progress[0]) * s.max_steps), s.max_steps), _COLUMNS))
+        block = np.empty((max(min(ROWS, (count - progress[0]) * s.max_steps), s.max_steps), _COLUMNS))
         progress[1] = 0
         driven = progress[0]
         ended = compiled.episodes(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import Agent, Run
+from homing_lib.agent import Run
 from homing_lib.environment import HomingEnv
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
@@ -90,26 +90,23 @@ def views(settings: Settings, seed: int) -> Columns:
     """
     from homing_lib.arena import Arena  # which needs PyBullet, as nothing else here does
 
-    rows: list[tuple[float, ...]] = []
-
-    def afterwards(env: HomingEnv, agent: Agent) -> None:
+    def similarities(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
         assert env.model is not None
         rng = np.random.default_rng([seed, 3])
         with Arena(env.room, settings) as camera:
-            for pose in (free_pose(camera, env.room, rng) for _ in range(400)):
+            for _ in range(400):
+                pose = free_pose(camera, env.room, rng)
                 nrb = [similarity(env.model.features(world.histogram(pose))) for world in (camera, env.world)]
-                rows.append((*pose, *nrb))
+                yield (*pose, *nrb)
 
-    run(settings.with_changes(episodes=1, max_steps=1), seed, afterwards=afterwards)
-    return dict(zip(("x", "y", "heading", "camera", "atlas"), np.array(rows).T, strict=True))
+    at_home = settings.with_changes(episodes=1, max_steps=1)
+    return rows_after(at_home, seed, ("x", "y", "heading", "camera", "atlas"), similarities)
 
 
 def shortest(settings: Settings, seed: int) -> Columns:
     """`fewest_steps` from the room's start, under the same actions: `steps`."""
-    found: list[float] = []
-    now = settings.with_changes(episodes=1, controller="random")
-    run(now, seed, afterwards=lambda env, agent: found.append(fewest_steps(env)))
-    return {"steps": np.array(found)}
+    surveyed = settings.with_changes(episodes=1, controller="random")
+    return rows_after(surveyed, seed, ("steps",), lambda env, agent: [(fewest_steps(env),)])
 
 
 def fewest_steps(env: HomingEnv, start: Pose | None = None) -> float:

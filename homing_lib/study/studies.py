@@ -10,12 +10,14 @@ from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
 from homing_lib.features import Array
 from homing_lib.settings import Settings
+from homing_lib.study import questions
 from homing_lib.study.measures import curve, totals, views
 from homing_lib.study.runs import DATA, Measure, Study, load_table
 
@@ -212,11 +214,9 @@ def finalists() -> Study:
 
 def load_questions() -> list[Path]:
     """Import all files of `questions/`, whose studies and judges are then listed; the files."""
-    folder = Path(__file__).parent / "questions"
-    files = sorted(folder.glob("[!_]*.py"))
-    for file in files:
-        import_module(f"homing_lib.study.questions.{file.stem}")
-    return files
+    found = sorted(iter_modules(questions.__path__), key=lambda one: one.name)
+    modules = [import_module(f"{questions.__name__}.{one.name}") for one in found]
+    return [Path(str(module.__file__)) for module in modules]
 
 
 def in_order() -> Iterator[Study]:
