@@ -84,6 +84,7 @@ def test_plain_text_becomes_latex():
     assert tex("2 NRB_t - NRB_(t-1) until psi_lower") == (
         r"2 $\mathrm{NRB}_{t}$ $-$ $\mathrm{NRB}_{t-1}$ until $\psi_{\mathrm{lower}}$"
     )
+    assert tex("psi_late of phi_abc and sigma_(t-1)") == r"$\psi_{\mathrm{late}}$ of $\phi_{abc}$ and $\sigma_{t-1}$"
     assert tex("`per_bin` & 100% #1") == r"\texttt{per\_bin} \& 100\,\% \#1"
 
 
