@@ -456,7 +456,7 @@ def tried(seeds: range = range(200)) -> dict[str, Array]:
     settings = what_drives.after(what_drives.JUDGED_AFTER, images="compact")
     each = engine.side_by_side(lambda seed: what_drives.tried(settings, seed), seeds, [])
     found = pd.concat([pd.DataFrame(one).assign(seed=seed) for seed, one in zip(seeds, each, strict=True)])
-    return {kind: what_drives.taken(what_drives.trials(found, kind)) for kind in what_drives.KINDS}
+    return {kind: what_drives.outcomes(found, "steps", kind) for kind in what_drives.KINDS}
 
 
 def four_ways(found: Mapping[str, Array]) -> str:
@@ -480,7 +480,7 @@ def drives(words: Any, found: Mapping[str, Array]) -> str:
     words: by part, True or False; found: of `tried`.
     """
     _complete(words, [*ALONE])
-    ratios = {part: findings.steps(found[kind], found["random"]) for part, kind in ALONE.items()}
+    ratios = {part: findings.compare_steps(found[kind], found["random"]) for part, kind in ALONE.items()}
     for part, ratio in ratios.items():
         if not isinstance(words[part], bool | np.bool_):
             raise Wrong(f"{part}: say True or False.")
@@ -493,7 +493,7 @@ def drives(words: Any, found: Mapping[str, Array]) -> str:
             raise Wrong(f"{beside}, which is fewer.")
         if ratio.low <= 1:
             raise Wrong(f"{beside}, which holds 1, so that chance may have done it.")
-        if findings.steps(found[ALONE[part]], found["untrained"]).high < 1:
+        if findings.compare_steps(found[ALONE[part]], found["untrained"]).high < 1:
             raise Wrong(f"{beside}: more. It is fewer than with neither part, but that robot is worse than chance.")
         raise Wrong(f"{beside}: more. Above 1 random actions are home sooner.")
     return f"As a multiple of random actions: {', '.join(f'{part} {ratio:.2f}' for part, ratio in ratios.items())}."
