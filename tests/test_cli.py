@@ -13,7 +13,7 @@ import pytest
 
 from homing_lib.__main__ import homing, main
 from homing_lib.settings import Settings
-from homing_lib.study import findings, runs, studies
+from homing_lib.study import findings, runs, studies, sweep
 from homing_lib.study.questions.printed import LETTER
 from homing_lib.study.runs import Study, load
 from homing_lib.teach import handouts
@@ -178,12 +178,12 @@ def two_studies(tmp_path, monkeypatch):
     """Two studies of a project in `tmp_path`; returns the sweeps that are asked for, by name and options."""
     asked = []
 
-    def sweep(study, *, anew, **options):
+    def swept(study, **options):
         asked.append((study.name, {name: value for name, value in options.items() if value not in (-1, None, False)}))
         return 7
 
     listed = [Study(name, "Why.", {"all": Settings(**TINY)}, range(3)) for name in ("one", "two")]
-    monkeypatch.setattr(runs, "sweep", sweep)
+    monkeypatch.setattr(sweep, "sweep", swept)
     monkeypatch.setattr(studies, "in_order", lambda: iter(listed))
     monkeypatch.setattr(studies, "page", lambda: "the page\n")
     monkeypatch.setattr(studies, "PAGE", tmp_path / "STUDIES.md")
@@ -209,9 +209,9 @@ def test_the_data_of_a_name_are_swept_alone(two_studies, capsys):
     assert two_studies[1:] == [("one", {"cluster": "tcp://there"}), ("two", {"cluster": "tcp://there"})]
 
 
-def test_a_name_that_there_is_not_is_refused_after_those_that_there_are(two_studies, capsys):
+def test_a_name_that_there_is_not_is_refused_before_anything_is_computed(two_studies, capsys):
     assert main(["data", "tow", "one"]) == 1
-    assert two_studies == [("one", {})]
+    assert two_studies == []
     assert "did you mean two?" in capsys.readouterr().err
 
 

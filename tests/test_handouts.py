@@ -29,7 +29,7 @@ def contents(path):
 
 
 def test_both_archives_are_written_the_same_twice(desk):
-    first, again = handouts.build(desk / "first"), handouts.build(desk / "again")
+    first, again = handouts.write(desk / "first"), handouts.write(desk / "again")
     assert [path.name for path in first] == ["lab.zip", "lab-teacher.zip"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
     students, teacher = map(contents, first)
@@ -59,10 +59,10 @@ def test_a_solution_fills_its_cell_above_the_check_and_the_students_lab_has_none
 
 
 def test_a_checkout_with_other_line_ends_gives_the_same_archives(desk):
-    before = [path.read_bytes() for path in handouts.build(desk / "before")]
+    before = [path.read_bytes() for path in handouts.write(desk / "before")]
     for path in (handouts.LAB, handouts.GUIDE, desk / "lab" / "README.md"):
         path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert [path.read_bytes() for path in handouts.build(desk / "after")] == before
+    assert [path.read_bytes() for path in handouts.write(desk / "after")] == before
 
 
 @pytest.mark.parametrize(
@@ -88,6 +88,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(spoil, named, d
     ):
         path.unlink() if text is None else path.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=named) as refused:
-        handouts.build(desk / "out")
+        handouts.write(desk / "out")
     assert "\n" not in str(refused.value)
     assert not (desk / "out").exists()

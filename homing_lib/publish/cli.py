@@ -173,6 +173,8 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
         raise click.UsageError("--workers 0: nobody would compute; -1 is one per core.")
     if cluster is not None and workers != -1:
         raise click.UsageError("--workers are processes on this machine: not together with --cluster.")
+    if cluster == "":
+        raise click.UsageError("--cluster: the address is empty; give that of a scheduler, or leave the option out.")
     if names and stamp:
         raise click.UsageError("--stamp is of all data: not together with a NAME.")
     for study, done in sweep.compute(names, workers=workers, cluster=cluster, force=force):
