@@ -100,6 +100,7 @@ def test_an_observation_is_a_new_array_that_belongs_to_its_receiver(options):
         for action, (observation, *_) in zip((0, 2, 2, 2), expected, strict=True):
             np.testing.assert_array_equal(seen, observation)
             kept.append(seen)
+            assert seen.flags.c_contiguous
             seen[:] = 0
             seen = env.step(action)[0]
         assert not any(np.shares_memory(one, other) for one, other in pairwise(kept))
