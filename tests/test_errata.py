@@ -1,15 +1,19 @@
 """Each slip of the printed paper has a proof, and a proof is something that is there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from homing_lib.agent import STEP_COLUMNS, run
 from homing_lib.environment import reward
+from homing_lib.errors import UserError
 from homing_lib.features import bins_per_channel, histogram
 from homing_lib.lambdas import Fixed
 from homing_lib.policy import decrease_rate
 from homing_lib.settings import Settings
-from homing_lib.study import errata, findings
+from homing_lib.storage import ROOT
+from homing_lib.study import errata, findings, studies
 from homing_lib.study.errata import ERRATA
 from homing_lib.study.findings import Comparison
 from homing_lib.study.questions import printed
@@ -19,20 +23,30 @@ from homing_lib.thresholds import stopping_thresholds
 SHORT = Settings(images="compact", episodes=2, max_steps=300)
 
 
+def named(name):
+    return {one.name: one for one in ERRATA}[name]
+
+
+def resolves(proof):
+    """Whether a proof is there: the test in its file, the study on the list, the derivation written out."""
+    kind, _, rest = proof.partition(" ")
+    if kind == "derivation:":
+        return len(rest.split()) > 5
+    if kind == "study":
+        return rest in {one.name for one in studies.in_order()}
+    path, _, test = proof.partition("::")
+    return (ROOT / path).exists() and f"\ndef {test}(" in (ROOT / path).read_text(encoding="utf-8")
+
+
 def test_errata_are_numbered_without_a_gap():
     assert [one.name for one in ERRATA] == [f"E{number}" for number in range(1, len(ERRATA) + 1)]
     assert len(ERRATA) >= 24
 
 
 @pytest.mark.parametrize("erratum", ERRATA, ids=[one.name for one in ERRATA])
-def test_each_erratum_has_a_proof_and_every_proof_resolves(erratum):
-    assert erratum.proofs
-    assert [proof for proof in erratum.proofs if not errata.resolves(proof)] == []
-
-
-@pytest.mark.parametrize("erratum", [one for one in ERRATA if one.seen], ids=lambda one: one.name)
-def test_what_a_reading_does_is_among_the_findings_and_has_a_word(erratum):
-    for name in erratum.seen:
+def test_every_proof_is_there_and_every_effect_is_among_the_findings_with_a_word(erratum):
+    assert [proof for proof in erratum.proofs if not resolves(proof)] == []
+    for name in erratum.effects.values():
         question, _, comparison = name.partition(".")
         assert findings.finding(question)[comparison].verdict
 
@@ -48,40 +62,71 @@ def test_what_a_reading_does_is_among_the_findings_and_has_a_word(erratum):
     ],
 )
 def test_a_proof_that_is_not_there_does_not_resolve(proof):
-    assert not errata.resolves(proof)
+    assert not resolves(proof)
 
 
 def test_every_reading_that_was_run_is_told_by_its_erratum():
-    told = {seen for one in ERRATA for seen in one.seen}
-    assert {f"printed.{label}.of ours.total" for label in printed.READINGS} <= told
+    told = {one.name: [*one.effects.values()] for one in ERRATA}
+    for label in printed.READINGS:
+        assert f"printed.{label}.of ours.total" in told[label.split()[0]]
     undone = [label for label, settings in printed.PRINTED.conditions.items() if settings in printed.UNDONE.values()]
     assert len(undone) == len(printed.UNDONE)
-    assert {f"printed.{label}.of ours.total" for label in undone} <= told
-    for label in printed.READINGS:
-        assert label in str([one.seen for one in ERRATA if one.name == label.split()[0]])
+    assert {f"printed.{label}.of ours.total" for label in undone} <= {name for some in told.values() for name in some}
 
 
 def test_an_effect_is_a_number_with_its_word(monkeypatch):
-    found = {
-        "E3 form 1.of ours.total": Comparison(1.5, 1.2, 1.9, "more"),
-        "E3 x.of ours.total": Comparison(1, 1, 1, "?"),
-    }
+    found = {"a.total": Comparison(1.5, 1.2, 1.9, "more"), "b.total": Comparison(1, 1, 1, "the same")}
     monkeypatch.setattr(findings, "finding", lambda name: {"printed": found}[name])
-    seen = ("printed.E3 form 1.of ours.total", "printed.E3 x.of ours.total")
-    told = errata.effect(errata.named("E3")._replace(seen=seen))
-    assert told == "Total steps, as a multiple of ours: form 1, 1.50 [1.20, 1.90]: more; x, 1.00 [1.00, 1.00]: ?. "
-    assert errata.effect(errata.named("E1")) == ""
+    told = errata.effect(replace(named("E3"), effects={"form 1": "printed.a.total", "x": "printed.b.total"}))
+    assert told.endswith(" ours: form 1, 1.50 [1.20, 1.90]: more; x, 1.00 [1.00, 1.00]: the same. ")
+    assert errata.effect(named("E1")) == ""
 
 
 def test_an_erratum_is_told_in_a_paragraph_and_all_in_a_table():
-    text = str(errata.named("E8"))
+    text = str(named("E8"))
     assert text.startswith("**E8**, Fig. 2: n of about 3 x 256/b, so 256. Eq. (14) gives 258 for b = 3. *Here*: 258.")
     assert "*Proof*: tests/test_features.py::test_bins_of_three" in text
     assert len(errata.table(ERRATA).splitlines()) == 2 + len(ERRATA)
-    assert errata.effect(errata.named("E3")) in errata.table([errata.named("E3")])
-    proof = errata.table([errata.named("E8")]).split("|")[-2]
+    assert errata.effect(named("E3")) in errata.table([named("E3")])
+    proof = errata.table([named("E8")]).split("|")[-2]
     assert proof.startswith(" bins of three give the 258 features of eq 14 and ")
     assert proof.endswith(" (tests/test_features.py) ")
+
+
+ENTRY = '[E1]\nwhere = "eq. (3)"\nprinted = "a"\nwrong = "b"\nreading = "c"\nproofs = ["study printed"]\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (None, "No such file"),
+        ("[E1", "Expected ']'"),
+        ("E1 = 3", "E1: "),
+        (ENTRY.replace("wrong", "wronk"), "E1: wrong"),
+        (ENTRY.replace('"b"', "3"), "E1: wrong"),
+        (ENTRY.replace('"b"', '""'), "E1: wrong"),
+        (ENTRY.replace('"study printed"', ""), "E1: proofs"),
+        (ENTRY + "source = 3", "E1: source"),
+        (ENTRY + 'effects = ["form 1"]', "E1: effects"),
+        (ENTRY + 'name = "E2"', "E1: "),
+        (ENTRY + ENTRY, "E1"),
+    ],
+)
+def test_a_damaged_or_incomplete_entry_is_one_line_with_the_remedy(content, told, tmp_path):
+    file = tmp_path / "errata.toml"
+    if content is not None:
+        file.write_text(content, encoding="utf-8")
+    with pytest.raises(UserError) as refusal:
+        errata.read(file)
+    line = str(refusal.value)
+    assert line.startswith(f"{file}: ") and told in line and line.endswith("restore it with git") and "\n" not in line
+
+
+def test_an_entry_is_read_as_it_stands(tmp_path):
+    (tmp_path / "errata.toml").write_text(ENTRY + "[E1.effects]\n'form 1' = 'printed.a.total'", encoding="utf-8")
+    assert errata.read(tmp_path / "errata.toml") == (
+        errata.Erratum("E1", "eq. (3)", "a", "b", "c", ("study printed",), {"form 1": "printed.a.total"}),
+    )
 
 
 # Proofs that stand nowhere else
