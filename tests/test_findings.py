@@ -24,7 +24,7 @@ FILES = {one.name for one in pkgutil.iter_modules(homing_lib.study.questions.__p
 
 SOURCE = '''
 from homing_lib.settings import Settings
-from homing_lib.study.findings import bound, estimate, of, question, steps
+from homing_lib.study.findings import compare_steps, estimate, question
 from homing_lib.study.measures import curve
 from homing_lib.study.runs import Study
 
@@ -37,7 +37,7 @@ JUDGED = []
 def flies(table):
     JUDGED.append(len(table))
     taken = table[table.condition == "a"].groupby("seed").steps.sum().to_numpy(float)
-    found = {"of b": steps(taken, taken, comparisons=2), "steps": estimate(taken)}
+    found = {"of b": compare_steps(taken, taken, comparisons=2), "steps": estimate(taken)}
     return "yes" if found["steps"].value == 20 else "no", found
 
 @question("C2", "Claims come after.", "By construction.")
@@ -170,18 +170,54 @@ def test_a_name_that_is_judged_elsewhere_is_refused(asked):
 
 def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
     ours, theirs = np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8])
-    assert findings.steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", 0)
-    assert findings.steps(theirs, ours, comparisons=3) == Comparison(2, 2, 2, "more", 3)
-    assert findings.shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", 0)
-    assert findings.shares([0.51] * 4, [0.5] * 4, comparisons=2)[3:] == ("the same", 2)
+    assert findings.compare_steps(ours, theirs) == Comparison(0.5, 0.5, 0.5, "fewer", 0)
+    assert findings.compare_steps(theirs, ours, comparisons=3) == Comparison(2, 2, 2, "more", 3)
+    assert findings.compare_to_first({"a": theirs, "b": ours, "c": theirs}) == {
+        "b": Comparison(0.5, 0.5, 0.5, "fewer"),
+        "c": Comparison(1, 1, 1, "the same"),
+    }
+    assert findings.compare_shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", 0)
+    assert findings.compare_shares([0.51] * 4, [0.5] * 4, comparisons=2)[3:] == ("the same", 2)
+    assert findings.compare_to_limit([0.5] * 4, 0.6, comparisons=6) == Comparison(0.5, 0.5, 0.5, "below", 6)
     assert findings.estimate([True, False]).value == 0.5
-    assert [findings.bound(Interval(1, 0.9, 1.1), limit) for limit in (0.8, 0.9, 1.1, 1.2)] == [
-        "above",
-        "undecided",
-        "undecided",
-        "below",
-    ]
+    assert findings.exact(3) == Comparison(3, 3, 3)
     assert f"{Comparison(0.5, 0.4, 0.6111, 'fewer'):.2f}" == "0.50 [0.40, 0.61]"
+
+
+def test_a_comparison_that_is_judged_with_others_has_the_wider_interval():
+    ours, theirs = np.random.default_rng(0).exponential(100, (2, 40))
+    for compare in (
+        lambda k: findings.compare_steps(ours, theirs, comparisons=k),
+        lambda k: findings.compare_shares(ours / 1e3, theirs / 1e3, comparisons=k),
+        lambda k: findings.compare_to_limit(ours, 100, comparisons=k),
+    ):
+        alone, together = compare(1), compare(8)
+        assert together.low < alone.low < alone.value == together.value < alone.high < together.high
+
+
+@pytest.mark.parametrize(
+    ("limit", "side"), [(0.8, "above"), (0.9, "undecided"), (1.1, "undecided"), (1.2, "below"), (np.nan, "undecided")]
+)
+def test_a_side_of_a_limit_is_allowed_by_the_whole_interval_alone(limit, side):
+    assert findings.side_of(Interval(1, 0.9, 1.1), limit) == side
+
+
+@pytest.mark.parametrize(
+    ("words", "verdict"),
+    [
+        (["fewer", "the same"], "supported"),
+        (["fewer"], "supported"),
+        (["fewer", "more"], "contradicted"),
+        (["more"], "contradicted"),
+        (["undecided", "more"], "contradicted"),
+        (["fewer", "undecided"], "inconclusive"),
+        (["undecided"], "inconclusive"),
+    ],
+)
+def test_one_word_contradicts_and_all_support(words, verdict):
+    assert findings.verdict_of(words, ["the same", "fewer"], ["more"]) == verdict
+    named = dict(zip(findings.OF_A_CLAIM, findings.OF_A_QUESTION, strict=True))
+    assert findings.verdict_of(iter(words), ["the same", "fewer"], ["more"], findings.OF_A_QUESTION) == named[verdict]
 
 
 # The questions of the study

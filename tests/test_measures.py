@@ -123,7 +123,7 @@ def test_trials_are_summed_up_as_one_works_out_by_hand():
     nrb = [0.1, 0.2, 0.1, 0.2, 0.3, 0.4]
     home_at_once = path(action=[0, 1, 1, 1, 2, 2], similarity=nrb, at_wall=[0, 0, 0, 0, 0, 1])
     stuck = path(action=np.r_[np.zeros(1000), [1] * 700, [2] * 300], x=np.r_[np.zeros(1500), np.ones(500)])
-    steps, cut, reached, up, down, walls, one_action, spread, stuck_at_wall = drives._summed_up(
+    steps, cut, reached, up, down, walls, one_action, spread, stuck_at_wall = drives.summed_up(
         [(home_at_once, True), (stuck, False)]
     )
     assert (steps, cut, reached) == ((6 + 2000) / 2, (6 + 300) / 2, 0.5)
@@ -164,8 +164,8 @@ def test_everyone_is_tried_from_every_place_once_and_sums_are_those_of_the_trial
             trials.append(one)
             yield one
 
-    _trials = worth._trials
-    monkeypatch.setattr(worth, "_trials", noted)
+    _trials = worth.trials
+    monkeypatch.setattr(worth, "trials", noted)
     table = worth.placed(FEW, 3)
     by_kind = [[one[1:] for one in trials if one[0] == kind] for kind in worth.KINDS]
     places = [sorted(pose for pose, *_ in some[:-5]) for some in by_kind]
@@ -198,8 +198,8 @@ def test_robots_are_carried_to_the_places_at_which_others_begin_and_have_as_many
         asked.append((pose, kidnapped, steps, home))
         return steps, home
 
-    _trial = worth._trial
-    monkeypatch.setattr(worth, "_trial", noted)
+    _trial = worth.way_home
+    monkeypatch.setattr(worth, "way_home", noted)
     table = worth.carried(FEW, 3)
     assert list(zip(table["learning"], table["kidnapped"], strict=True)) == [(1, 0), (1, 1), (0, 0), (0, 1)]
     assert len(asked) == 4 * 40

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from homing_lib.agent import run
+from homing_lib.agent import ClimbingAgent, RandomAgent, run
 from homing_lib.errors import UserError
 from homing_lib.lambdas import Fixed, fletcher_reeves
 from homing_lib.settings import Settings
@@ -71,11 +71,21 @@ def test_the_first_few_seeds_are_what_they_alone_would_say():
     assert str(more.of_first(2)) == str(few)
 
 
-def test_one_robot_is_refused_since_it_says_nothing_of_how_robots_differ():
-    with pytest.raises(
-        UserError, match=r"^seeds = \[3\]: one robot says nothing of how robots differ; give two or more$"
-    ):
-        rules.compare({"form 2": fletcher_reeves}, [3], TINY)
+def test_other_agents_are_compared_with_rules_over_the_same_seeds():
+    compared = rules.compare({"zero": Fixed(0)}, [3, 4], TINY, agents={"climb": ClimbingAgent, "mine": Forwards})
+    climb = [run(TINY.with_changes(controller="climb"), seed).lengths for seed in (3, 4)]
+    mine = [run(TINY, seed, agent=Forwards).lengths for seed in (3, 4)]
+    assert [*compared.steps] == ["zero", "climb", "mine"]
+    np.testing.assert_array_equal(compared.steps["climb"], climb)
+    np.testing.assert_array_equal(compared.steps["mine"], mine)
+    assert [*rules.compare({}, [3, 4], TINY, agents={"a": Forwards, "b": RandomAgent}).verdicts] == ["b"]
+
+
+class Forwards(RandomAgent):
+    """Three methods, no learner."""
+
+    def choose(self, phi):
+        return 2
 
 
 def test_a_comparison_is_stopped_by_ctrl_c():
@@ -110,14 +120,28 @@ def test_a_run_that_diverges_counts_as_the_step_cap():
     assert steps.shape == (2, 6) and (steps == 60).all()
 
 
-def test_what_is_no_rule_is_refused_in_one_line():
-    with pytest.raises(TypeError, match="a lambda rule is a function of the keywords"):
-        rules.compare({"half": 0.5}, [0, 1], TINY)
+FORM_2 = {"form 2": fletcher_reeves}
 
 
-def test_before_any_run_all_rules_and_seeds_are_looked_at_and_the_label_named(monkeypatch):
+@pytest.mark.parametrize(
+    ("rules_", "seeds", "agents", "told"),
+    [
+        (FORM_2, [3], {}, r"seeds = \[3\]: one robot says nothing of how robots differ; give two or more"),
+        (FORM_2, 3, {}, r"seeds = 3: must be a list or range of 0, 1, 2, ..."),
+        (FORM_2 | {"half": 0.5}, [0, 1], {}, r"half: lambda_rule = 0.5: .*a lambda rule is a function of the keywords"),
+        (FORM_2, [0, 1], {"half": 0.5}, r"half: an agent is made by a function of settings"),
+        (FORM_2, [0, 1], {"no rng": lambda settings: None}, r"no rng: .*too many positional"),
+        (FORM_2, [0, 1], {"made": RandomAgent(TINY, None)}, r"made: .*not a callable"),
+        (FORM_2, [0, 1], {"form 2": RandomAgent}, r"form 2: .*label of its own"),
+    ],
+)
+def test_before_any_run_what_cannot_be_compared_is_refused_by_its_label(rules_, seeds, agents, told, monkeypatch):
     monkeypatch.setattr(rules, "run", None)
-    with pytest.raises(TypeError, match=r"^half: lambda_rule = 0.5: "):
-        rules.compare({"form 2": fletcher_reeves, "half": 0.5}, [0, 1], TINY)
-    with pytest.raises(UserError, match=r"^seeds = 3: must be a list or range of 0, 1, 2, ...$"):
-        rules.compare({"form 2": fletcher_reeves}, 3, TINY)
+    with pytest.raises((UserError, TypeError), match=f"^{told}") as refusal:
+        rules.compare(rules_, seeds, TINY, agents=agents)
+    assert "\n" not in str(refusal.value)
+
+
+def test_of_one_robot_there_is_no_table():
+    with pytest.raises(UserError, match=r"^a: 1 seed; one robot .* give two or more$"):
+        rules.Rules({"a": FIRST, "b": FIRST}).of_first(1)

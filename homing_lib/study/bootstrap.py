@@ -49,9 +49,10 @@ def draws(robots: int) -> Array:
 
 
 def bootstrap(estimate: Callable[[Array], Array], robots: int, comparisons: int = 1) -> Interval:
-    """Of anything that is estimated from robots. estimate: takes how often each is drawn, shape (k, robots), and
-    returns k numbers. comparisons: how many are judged together. One robot says nothing of how robots differ: its ends
-    are NaN; of no robot all is NaN.
+    """Percentile interval of anything that is estimated from robots.
+
+    estimate: from how often each robot is drawn, shape (k, robots), to k numbers. comparisons: how many are judged
+    together. One robot says nothing of how robots differ, and has no ends (NaN); of no robot all is NaN.
     """
     if robots == 0:
         return Interval(np.nan, np.nan, np.nan)
@@ -104,11 +105,11 @@ def pooled(pairs: list[tuple[Array, Array]], statistic: Statistic = mean, compar
     return bootstrap(estimate, len(pairs[0][0]), comparisons)
 
 
-def word_of(found: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
+def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
     """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`."""
-    if same[0] <= found.low and found.high <= same[1]:
+    if same[0] <= interval.low and interval.high <= same[1]:
         return "the same"
-    return "fewer" if found.high < equal else "more" if found.low > equal else "undecided"
+    return "fewer" if interval.high < equal else "more" if interval.low > equal else "undecided"
 
 
 def tells(error: float, comparisons: int = 1) -> float:

@@ -8,7 +8,7 @@ file in `questions/`.
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,8 +41,9 @@ small a ratio from 1 in 80 of 100 such studies."""
 class Comparison(NamedTuple):
     """One number of a finding: what it is, its interval, and the word that the interval allows ("" if none is asked).
 
-    judged: of how many comparisons that are judged together it is one, its interval as wide as that asks; 0: beside.
-    f"{comparison:.2f}" writes the interval."""
+    judged: of how many comparisons that are judged together it is one, its interval as wide as that asks; 0: it stands
+    beside them. f"{comparison:.2f}" writes the interval.
+    """
 
     value: float
     low: float
@@ -65,40 +66,66 @@ class Comparison(NamedTuple):
         return format(self.interval, each)
 
 
-def of(found: Interval, word: str = "", *, judged: int = 0) -> Comparison:
-    """A number with its word."""
-    return Comparison(*found, word, int(judged))
+# What a judge makes of the robots. comparisons: how many are judged together, this one among them; 0: it stands beside.
 
 
-def steps(
-    ours: Array, theirs: Array, statistic: Statistic = mean, *, comparisons: int = 1, judged: int | None = None
-) -> Comparison:
-    """Steps as a multiple of others', one number per robot, the same seeds in order; judged, if there are several."""
-    found = bootstrap.ratio(ours, theirs, statistic, comparisons)
-    return of(found, word_of(found), judged=comparisons * (comparisons > 1) if judged is None else judged)
+def compare_steps(ours: Array, theirs: Array, statistic: Statistic = mean, *, comparisons: int = 0) -> Comparison:
+    """Steps as a multiple of others', one number per robot, the same seeds in order: fewer, more, or the same."""
+    interval = bootstrap.ratio(ours, theirs, statistic, max(comparisons, 1))
+    return Comparison(*interval, word_of(interval), comparisons)
 
 
-def shares(ours: Array, theirs: Array, *, comparisons: int = 1) -> Comparison:
+def compare_to_first(numbers: Mapping[str, Array], statistic: Statistic = mean) -> dict[str, Comparison]:
+    """By label, all but the first: numbers, one per robot, as a multiple of the first's."""
+    (_, first), *others = numbers.items()
+    return {label: compare_steps(ours, first, statistic) for label, ours in others}
+
+
+def compare_shares(ours: Array, theirs: Array, *, comparisons: int = 0) -> Comparison:
     """By how much one share exceeds another; each robot's own, or whether it is so."""
-    found = bootstrap.estimated(
-        np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float), comparisons=comparisons
-    )
-    return of(found, word_of(found, (-SAME_SHARE, SAME_SHARE), 0.0), judged=comparisons * (comparisons > 1))
+    difference = np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float)
+    interval = bootstrap.estimated(difference, comparisons=max(comparisons, 1))
+    return Comparison(*interval, word_of(interval, (-SAME_SHARE, SAME_SHARE), 0.0), comparisons)
 
 
-def estimate(values: Array, statistic: Statistic = mean, *, comparisons: int = 1) -> Comparison:
+def compare_to_limit(values: Array, limit: float, *, comparisons: int = 1) -> Comparison:
+    """The mean of numbers, one per robot, and on which side of a limit it lies."""
+    interval = bootstrap.estimated(np.asarray(values, dtype=float), comparisons=comparisons)
+    return Comparison(*interval, side_of(interval, limit), comparisons)
+
+
+def estimate(values: Array, statistic: Statistic = mean) -> Comparison:
     """A statistic of numbers, one per robot, without a word."""
-    return of(bootstrap.estimated(np.asarray(values, dtype=float), statistic, comparisons))
+    return Comparison(*bootstrap.estimated(np.asarray(values, dtype=float), statistic))
 
 
-def bound(found: Interval, limit: float) -> str:
+def exact(value: float) -> Comparison:
+    """A number that no robot stands behind."""
+    return Comparison(value, value, value)
+
+
+def side_of(interval: Interval | Comparison, limit: float) -> str:
     """Whether a number lies, with its whole interval, "above" or "below" a limit; else "undecided"."""
-    return "above" if found.low > limit else "below" if found.high < limit else "undecided"
+    return "above" if interval.low > limit else "below" if interval.high < limit else "undecided"
 
 
-def claim(word: str, supports: tuple[str, ...], contradicts: tuple[str, ...]) -> str:
-    """What becomes of a claim that rests on one comparison, by its word."""
-    return "supported" if word in supports else "contradicted" if word in contradicts else "inconclusive"
+OF_A_CLAIM = ("supported", "contradicted", "inconclusive")
+OF_A_QUESTION = ("yes", "no", "undecided")
+
+
+def verdict_of(
+    words: Iterable[str],
+    supporting: Sequence[str],
+    contradicting: Sequence[str],
+    verdicts: tuple[str, str, str] = OF_A_CLAIM,
+) -> str:
+    """What the words of some comparisons make together: the second verdict if one of them contradicts, the first if all
+    support, else the third.
+    """
+    words = {*words}
+    if words & {*contradicting}:
+        return verdicts[1]
+    return verdicts[0] if words <= {*supporting} else verdicts[2]
 
 
 Judged = tuple[str, Mapping[str, Comparison]]
@@ -121,7 +148,12 @@ class Question(NamedTuple):
     @property
     def tables(self) -> list[Study]:
         """The studies that its judge takes the tables of."""
-        return [one if isinstance(one, Study) else one() for one in self.studies]
+        return [_made(one) for one in self.studies]
+
+
+def _made(study: Any) -> Study:
+    """A study, also one that depends on tables of others."""
+    return study if isinstance(study, Study) else study()
 
 
 _QUESTIONS: dict[str, Question] = {}
@@ -214,42 +246,43 @@ def _made_from(asked: Question) -> str:
     return found.hexdigest()[:16]
 
 
-def _with_choices(studies: Iterable[Any]) -> dict[str, Study]:
+def _with_choices(some: Iterable[Any]) -> dict[str, Study]:
     """These studies by their names, and all that they need."""
-    found: dict[str, Study] = {}
-    for one in studies:
-        made = one if isinstance(one, Study) else one()
-        found |= {made.name: made} | _with_choices(getattr(one, "needs", ()))
-    return dict(sorted(found.items()))
+    every: dict[str, Study] = {}
+    for one in some:
+        study = _made(one)
+        every |= {study.name: study} | _with_choices(getattr(one, "needs", ()))
+    return dict(sorted(every.items()))
 
 
 def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None:
     """Judge whatever is not judged yet, or rests on other tables now, and store what was found."""
-    before, now = _stored(), {}
-    asked = questions()
+    before, now, asked = _stored(), {}, questions()
     for name in progress(list(asked)):
         made_from = _made_from(asked[name])
-        entry = before.get(name)
-        if entry is None or entry["made from"] != made_from:
-            found = judge(name)
-            numbers = {
-                key: [*(float(f"{end:.6g}") for end in one.interval), one.verdict, one.judged]
-                for key, one in found.comparisons.items()
-            }
-            entry = {"verdict": found.verdict, "made from": made_from, "comparisons": numbers}
-            entry["checksum"] = _checksum(entry)
-        now[name] = entry
-    lines = [
-        f'"{name}": {{"verdict": {json.dumps(entry["verdict"])}, "made from": "{entry["made from"]}", '
-        + f'"checksum": "{entry["checksum"]}", "comparisons": {{\n'
-        + ",\n".join(f"  {json.dumps(key)}: {json.dumps(one)}" for key, one in entry["comparisons"].items())
-        + "\n}}"
-        for name, entry in now.items()
-    ]
-    content = ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+        kept = before.get(name)
+        now[name] = kept if kept and kept["made from"] == made_from else _entry(judge(name), made_from)
+    content = ("{\n" + ",\n".join(_as_json(name, entry) for name, entry in now.items()) + "\n}\n").encode()
     if not FILE.exists() or FILE.read_bytes() != content:
         write_bytes(FILE, content)
         stored.cache_clear()
+
+
+def _entry(judged: Finding, made_from: str) -> dict[str, Any]:
+    """What is stored of a finding: its numbers to six digits."""
+    numbers = {
+        key: [*(float(f"{end:.6g}") for end in one.interval), one.verdict, one.judged]
+        for key, one in judged.comparisons.items()
+    }
+    entry = {"verdict": judged.verdict, "made from": made_from, "comparisons": numbers}
+    return entry | {"checksum": _checksum(entry)}
+
+
+def _as_json(name: str, entry: Mapping[str, Any]) -> str:
+    """An entry of the file, a comparison a line, so that a difference can be read."""
+    comparisons = ",\n".join(f"  {json.dumps(key)}: {json.dumps(one)}" for key, one in entry["comparisons"].items())
+    head = ", ".join(f'"{key}": {json.dumps(entry[key])}' for key in ("verdict", "made from", "checksum"))
+    return f'"{name}": {{{head}, "comparisons": {{\n{comparisons}\n}}}}'
 
 
 def _checksum(entry: Mapping[str, Any]) -> str:

@@ -1,26 +1,27 @@
-"""Lambda rules side by side on the robot: the same seeds, the same settings, and a verdict with its interval.
+"""Lambda rules, or whole agents, side by side on the robot: the same seeds and settings, a verdict with its interval.
 
 A lesson's tool, quick on the compact atlas. All rules share one step size; which step size suits which rule is a
 question for a study (`varying`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from inspect import signature
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from homing_lib.agent import AgentFactory
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import LambdaRule, checked
 from homing_lib.settings import Settings
-from homing_lib.study import findings
-from homing_lib.study.bootstrap import Statistic, iqm, mean
+from homing_lib.study.bootstrap import iqm
 from homing_lib.study.engine import run, side_by_side
-from homing_lib.study.findings import Comparison
+from homing_lib.study.findings import Comparison, compare_to_first
 from homing_lib.study.measures import WINDOW
 from homing_lib.study.runs import episode_matrix, seeds_of
 
@@ -46,23 +47,26 @@ class ResampledLambda:
 
 @dataclass(frozen=True)
 class Rules:
-    """Rules compared. steps: by label, steps of each episode, shape (seeds, episodes). str() is a table in Markdown."""
+    """Rules, or agents, compared. steps: by label, steps of each episode, shape (seeds, episodes), two seeds or more.
+    str() is a table in Markdown.
+    """
 
     steps: Mapping[str, Array]
 
+    def __post_init__(self) -> None:
+        for label, steps in self.steps.items():
+            if len(steps) < 2:
+                raise UserError(f"{label}: {len(steps)} seed; {_TOO_FEW}")
+
     @cached_property
     def verdicts(self) -> dict[str, Comparison]:
-        """Total steps as a multiple of the first rule's, seed by seed; its `.verdict` is the verdict."""
-        return self._against_first(lambda steps: steps.sum(axis=1), mean)
+        """Total steps as a multiple of the first's, seed by seed; its `.verdict` is the verdict."""
+        return compare_to_first({label: _total(steps) for label, steps in self.steps.items()})
 
     @cached_property
     def late(self) -> dict[str, Comparison]:
         """The same of the last episodes, for the typical robot."""
-        return self._against_first(lambda steps: steps[:, -WINDOW:].mean(axis=1), iqm)
-
-    def _against_first(self, of: Callable[[Array], Array], statistic: Statistic) -> dict[str, Comparison]:
-        first, *others = self.steps
-        return {label: findings.steps(of(self.steps[label]), of(self.steps[first]), statistic) for label in others}
+        return compare_to_first({label: _late(steps) for label, steps in self.steps.items()}, iqm)
 
     def of_first(self, count: int) -> "Rules":
         """What the first few seeds alone would say."""
@@ -71,38 +75,70 @@ class Rules:
     def __str__(self) -> str:
         first, *_ = self.steps
         rows = [
-            f"| rule | total steps, mean | as a multiple of {first} | verdict | last {WINDOW} episodes, typical (IQM) "
-            f"| as a multiple of {first} | verdict |",
+            f"| rule | total steps, mean | ratio of means to {first} | verdict | last {WINDOW} episodes, typical (IQM) "
+            f"| ratio of IQMs to {first} | verdict |",
             "|---|---|---|---|---|---|---|",
         ]
         for label, steps in self.steps.items():
-            told = [
-                f"{one[label]:.2f} | {one[label].verdict}" if label in one else "1 |"
-                for one in (self.verdicts, self.late)
-            ]
-            typical = float(iqm(steps[:, -WINDOW:].mean(axis=1))[0])
-            rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {told[0]} | {typical:.1f} | {told[1]} |")
+            total, late = (
+                f"{against[label]:.2f} | {against[label].verdict}" if label in against else "1 |"
+                for against in (self.verdicts, self.late)
+            )
+            typical = float(iqm(_late(steps))[0])
+            rows.append(f"| {label} | {_total(steps).mean():,.0f} | {total} | {typical:.1f} | {late} |")
         return "\n".join(rows)
 
 
-def compare(rules: Mapping[str, LambdaRule], seeds: Sequence[int], settings: Settings | None = None) -> Rules:
-    """Run every rule with every seed. settings: by default the paper's robot on the compact atlas.
+def _total(steps: Array) -> Array:
+    return np.asarray(steps.sum(axis=1))
 
-    A run that diverges counts as `max_steps` steps in each episode that it did not finish. Before any run, raises
-    UserError for what are no seeds, or only one, and TypeError that names the label for what is no rule.
+
+def _late(steps: Array) -> Array:
+    return np.asarray(steps[:, -WINDOW:].mean(axis=1))
+
+
+_TOO_FEW = "one robot says nothing of how robots differ; give two or more"
+
+
+def compare(
+    rules: Mapping[str, LambdaRule],
+    seeds: Sequence[int],
+    settings: Settings | None = None,
+    *,
+    agents: Mapping[str, AgentFactory] | None = None,
+) -> Rules:
+    """Run every rule with every seed, and other agents. agents: by label what makes one of settings and rng, such as a
+    class (`agent.Agent`).
+
+    settings: by default the paper's robot on the compact atlas. A run that diverges counts as `max_steps` steps in each
+    episode that it did not finish. Before any run, raises UserError for what are no seeds, or only one, and for a label
+    that stands twice; TypeError, which names the label, for what is no rule, or makes no agent.
     """
-    settings = settings or Settings(images="compact")
+    settings, agents = settings or Settings(images="compact"), agents or {}
     seeds = seeds_of(seeds)
     if len(seeds) < 2:
-        raise UserError(f"seeds = {shown(seeds)}: one robot says nothing of how robots differ; give two or more")
-    for label, rule in rules.items():
+        raise UserError(f"seeds = {shown(seeds)}: {_TOO_FEW}")
+    for label in agents:
+        if label in rules:
+            raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
+    for label in (*rules, *agents):
         try:
-            checked(rule)
+            checked(rules[label]) if label in rules else _makes_agent(agents[label])
         except TypeError as error:
             raise TypeError(f"{label}: {error}") from None
 
     def of_seed(seed: int) -> Array:
-        return episode_matrix([run(settings, seed, rule) for rule in rules.values()])
+        learnt = [run(settings, seed, rule) for rule in rules.values()]
+        return episode_matrix(learnt + [run(settings, seed, agent=makes) for makes in agents.values()])
 
-    found = np.array(side_by_side(of_seed, seeds, rules.values()))
-    return Rules({label: found[:, k] for k, label in enumerate(rules)})
+    driven: list[Any] = [*rules.values(), *agents.values()]
+    steps = np.array(side_by_side(of_seed, seeds, driven))
+    return Rules({label: steps[:, k] for k, label in enumerate((*rules, *agents))})
+
+
+def _makes_agent(makes: Any) -> None:
+    """TypeError for what cannot be called with settings and a random generator."""
+    try:
+        signature(makes).bind(Settings(), np.random.default_rng())
+    except TypeError as error:
+        raise TypeError(f"an agent is made by a function of settings and a random generator: {error}") from None

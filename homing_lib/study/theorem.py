@@ -1,8 +1,8 @@
 """The theorem behind eq. (7), tested: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
 
-    ConjugateTD     TD-conj as what it was derived from: conjugate gradient, without trace or lambda
-    distance_from_cg         how far the two are apart, step by step
-    on_a_quadratic  what the forms say where the textbook's must coincide
+    ConjugateTD       TD-conj as what it was derived from: conjugate gradient, without trace or lambda
+    distance_from_cg  how far the two are apart, step by step
+    on_a_quadratic    what the forms say where the textbook's must coincide
 
 `beta` has the textbook's formulas, which know nothing of TD.
 """
@@ -77,8 +77,8 @@ class Distance(NamedTuple):
     """TD(lambda_t) beside conjugate gradient, step by step: arrays of shape (steps,).
 
     delta: TD errors; squares: |phi|² of the features; ratio: eq. (7) before any reset, 0 at the first step, where there
-    is none; free, reset: relative distances of delta_t e_t from p_t, without and with the reset to [0, 1]; first: the
-    step, 1, 2, ..., of the first reset, or 0.
+    is none; free, reset: how far delta_t e_t is from p_t, relative to |p_t|, without and with the reset to [0, 1];
+    first: the step, 1, 2, ..., of the first reset, or 0.
     """
 
     delta: Array
@@ -98,11 +98,11 @@ def distance_from_cg(phi: Array, reward: Array, form: Form = "fletcher-reeves", 
     for t in range(len(reward)):
         step = phi[t], reward[t], phi[t + 1]
         delta, p = conjugate.update(*step), conjugate.direction
-        apart = [np.linalg.norm(td.update(*step) * td.trace - p) / np.linalg.norm(p) for td in (free, reset)]
+        distances = [np.linalg.norm(td.update(*step) * td.trace - p) / np.linalg.norm(p) for td in (free, reset)]
         first = first or (t + 1) * reset.clipped
-        rows.append((delta, phi[t] @ phi[t], free.lambda_, *apart))
-    deltas, squares, ratio, free_of, reset_of = np.array(rows).T
-    return Distance(deltas, squares, ratio, free_of, reset_of, first)
+        rows.append((delta, phi[t] @ phi[t], free.lambda_, *distances))
+    deltas, squares, ratio, without, with_reset = np.array(rows).T
+    return Distance(deltas, squares, ratio, without, with_reset, first)
 
 
 def on_a_quadratic(rules: Sequence[LambdaRule], rng: np.random.Generator, n: int = 5) -> tuple[Array, float]:
@@ -114,15 +114,15 @@ def on_a_quadratic(rules: Sequence[LambdaRule], rng: np.random.Generator, n: int
     root, discount = rng.standard_normal((n, n)), 0.9
     a, b, x = root @ root.T + np.eye(n), rng.standard_normal(n), np.zeros(n)
     before: dict[str, Any] = {}
-    said = []
+    lambdas = []
     for _ in range(n):
         g, delta = b - a @ x, rng.uniform(0.5, 2)
         phi = trace = g / delta
         if before:
             step = {"delta": delta, "phi": phi, "discount": discount, **before}
-            said.append([rule(**step) for rule in rules])
+            lambdas.append([rule(**step) for rule in rules])
             trace = discount * fletcher_reeves(**step) * before["trace_prev"] + phi
         p = delta * trace
         x = x + (g @ p) / (p @ a @ p) * p
         before = {"delta_prev": delta, "phi_prev": phi, "trace_prev": trace}
-    return np.array(said), float(np.linalg.norm(b - a @ x))
+    return np.array(lambdas), float(np.linalg.norm(b - a @ x))

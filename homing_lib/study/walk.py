@@ -15,8 +15,7 @@ import numpy as np
 from homing_lib.features import Array
 from homing_lib.lambdas import LambdaRule, LambdaSpec, checked, lambda_spec, name_of
 from homing_lib.sarsa import Diverged, silent
-from homing_lib.study import findings
-from homing_lib.study.findings import Comparison
+from homing_lib.study.findings import Comparison, compare_to_first
 from homing_lib.study.runs import seeds_of
 from homing_lib.td import LinearTD
 
@@ -68,9 +67,9 @@ def learning(rule: LambdaRule | str, seed: int, step_size: float) -> Array:
 
 @dataclass(frozen=True)
 class Race:
-    """Rules raced: each chose its step size by some walks and is judged by others. str() is a table in Markdown.
+    """Rules raced: each chose its step size on some walks and is judged on others. str() is a table in Markdown.
 
-    By label: `tried`, mean errors of the walks by which it chose, shape (walks, step sizes); `step_size`, its choice;
+    By label: `tried`, mean errors on the walks where it chose, shape (walks, step sizes); `step_size`, its choice;
     `errors`, those on the walks held out, shape (walks,).
     """
 
@@ -81,8 +80,7 @@ class Race:
     @property
     def verdicts(self) -> dict[str, Comparison]:
         """Errors as a multiple of the first rule's, walk by walk; `.verdict` is the verdict, in which fewer is less."""
-        first, *others = self.errors
-        return {label: findings.steps(self.errors[label], self.errors[first]) for label in others}
+        return compare_to_first(self.errors)
 
     def __str__(self) -> str:
         return self.table({})
@@ -94,12 +92,11 @@ class Race:
         rows = [f"| rule | its step size | error on {walks} new walks | as a multiple of {first} | |"]
         rows.append("|---|---|---|---|---|")
         for label, errors in self.errors.items():
-            told = (
-                f"{verdicts[label]:.2f} | {words.get(verdicts[label].verdict, verdicts[label].verdict)}"
-                if label in verdicts
-                else "1 |"
-            )
-            rows.append(f"| {label} | {self.step_size[label]:g} | {errors.mean():.3f} | {told} |")
+            against = "1 |"
+            if label in verdicts:
+                word = verdicts[label].verdict
+                against = f"{verdicts[label]:.2f} | {words.get(word, word)}"
+            rows.append(f"| {label} | {self.step_size[label]:g} | {errors.mean():.3f} | {against} |")
         return "\n".join(rows)
 
 
@@ -121,9 +118,9 @@ def race(
             raise TypeError(f"{label}: {error}") from None
 
     def errors(label: str, seeds: Sequence[int], sizes: Sequence[float]) -> Array:
-        found = [[learning(rules[label], seed, size).mean() for size in sizes] for seed in seeds]
-        return np.minimum(found, LOST)
+        by_walk = [[learning(rules[label], seed, size).mean() for size in sizes] for seed in seeds]
+        return np.minimum(by_walk, LOST)
 
     tried = {label: errors(label, choose, step_sizes) for label in rules}
-    best = {label: step_sizes[int(of_rule.mean(axis=0).argmin())] for label, of_rule in tried.items()}
+    best = {label: step_sizes[int(by_walk.mean(axis=0).argmin())] for label, by_walk in tried.items()}
     return Race(tried, best, {label: errors(label, judge, [best[label]])[:, 0] for label in rules})

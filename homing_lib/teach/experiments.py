@@ -85,7 +85,7 @@ def tried(seeds: range = range(200)) -> dict[str, Array]:
     settings = drives.after(drives.JUDGED_AFTER, images="compact")
     robots = engine.side_by_side(lambda seed: drives.tried(settings, seed), seeds, [])
     rows = pd.concat([pd.DataFrame(robot).assign(seed=seed) for seed, robot in zip(seeds, robots, strict=True)])
-    return {kind: drives.taken(drives.trials(rows, kind)) for kind in drives.KINDS}
+    return {kind: drives.outcomes(rows, "steps", kind) for kind in drives.KINDS}
 
 
 def four_ways(steps: Mapping[str, Array]) -> str:

@@ -310,7 +310,7 @@ def drives(words: Any, steps: Mapping[str, Array]) -> str:
     words: by part, True or False; steps: of `experiments.tried`.
     """
     complete(words, [*ALONE])
-    ratios = {part: findings.steps(steps[kind], steps["random"]) for part, kind in ALONE.items()}
+    ratios = {part: findings.compare_steps(steps[kind], steps["random"]) for part, kind in ALONE.items()}
     for part, ratio in ratios.items():
         if not isinstance(words[part], bool | np.bool_):
             raise hint("drives", "no-truth", part=part)
@@ -318,7 +318,7 @@ def drives(words: Any, steps: Mapping[str, Array]) -> str:
             "together": ratio.high < 1 and part == "both together",
             "fewer": ratio.high < 1,
             "chance": ratio.low <= 1,
-            "than-neither": findings.steps(steps[ALONE[part]], steps["untrained"]).high < 1,
+            "than-neither": findings.compare_steps(steps[ALONE[part]], steps["untrained"]).high < 1,
         }
         if words[part] != (ratio.high < 1):
             raise hint("drives", first_of(mistakes), part=part, ratio=ratio)

@@ -1,18 +1,19 @@
 """Claims of the paper that no question asks: parts of the model, the shape of its learning, the earlier model."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
+from homing_lib.study.bootstrap import SAME, Interval, bootstrap, iqm, mean
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, claim, of, question, steps
+from homing_lib.study.findings import Comparison, Judged, compare_steps, question, side_of, verdict_of
 from homing_lib.study.measures import WINDOW, curve, totals
 from homing_lib.study.questions import learns, varying
 from homing_lib.study.runs import Columns, episode_matrix, episodes_of
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, column, rows, study
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, column, study
 
 _ATLAS = Settings(images="atlas")
 
@@ -77,12 +78,11 @@ EARLIER = study(
 def conjugate_lambda(table: Any) -> Judged:
     """Three numbers."""
     ours, fixed = (varying.robots_of(who, "paper", "taken", table, None) for who in ("form2", "best"))
-    found = {}
-    for name in ("late", "total", "change"):
-        a, b = (one[name].to_numpy(float) for one in (ours, fixed))
-        found[name] = steps(a, b, iqm if name == "late" else mean, comparisons=3)
-    words = {one.verdict for one in found.values()}
-    return "contradicted" if "more" in words else "inconclusive" if "undecided" in words else "supported", found
+    found = {
+        name: compare_steps(ours[name].to_numpy(float), fixed[name].to_numpy(float), statistic, comparisons=3)
+        for name, statistic in (("late", iqm), ("total", mean), ("change", mean))
+    }
+    return verdict_of((one.verdict for one in found.values()), ["the same", "fewer"], ["more"]), found
 
 
 @question(
@@ -99,16 +99,12 @@ def less_and_less_exploration(atlas: Any, shortest: Any) -> Judged:
     """Settled, and where."""
     taken = episodes_of(atlas, "form 2")
     last, before = taken[:, 80:].mean(axis=1), taken[:, 60:80].mean(axis=1)
-    least = float(rows(shortest, room="paper").steps.mean())
-    found = {
-        "settled": steps(last, before, iqm, comparisons=2),
-        "of the shortest": steps(last, np.full_like(last, least), iqm, comparisons=2),
-        "of the shortest, mean": steps(last, np.full_like(last, least)),
-    }
-    words = found["settled"].verdict, found["of the shortest"].verdict
-    if "undecided" in words:
-        return "inconclusive", found
-    return "supported" if words == ("the same", "the same") else "contradicted", found
+    least = np.full_like(last, column(shortest, "steps", room="paper").mean())
+    settled = compare_steps(last, before, iqm, comparisons=2)
+    of_the_shortest = compare_steps(last, least, iqm, comparisons=2)
+    words = settled.verdict, side_of(of_the_shortest, SAME)
+    verdict = verdict_of(words, ["the same", "below"], ["fewer", "more", "above"])
+    return verdict, {"settled": settled, "of the shortest": of_the_shortest}
 
 
 @question(
@@ -124,20 +120,16 @@ def exponential_change(table: Any) -> Judged:
     """Three falls and a shape."""
     change, taken = episodes_of(table, "form 2", "change"), episodes_of(table, "form 2")
     rates = _ATLAS.alpha0 * _ATLAS.step_size_rates
-    found: dict[str, Comparison] = {}
-    for name, one in (
-        ("episode", change),
-        ("step", change / taken),
-        ("step, by the step size", change / taken / rates),
-    ):
-        found[name] = steps(one[:, -WINDOW:].mean(axis=1), one[:, :WINDOW].mean(axis=1), comparisons=4)
+    falls = {"episode": change, "step": change / taken, "step, by the step size": change / taken / rates}
+    found = {
+        name: compare_steps(one[:, -WINDOW:].mean(axis=1), one[:, :WINDOW].mean(axis=1), comparisons=4)
+        for name, one in falls.items()
+    }
     straighter = straightness(change, _ATLAS.first_episode)
-    word = "exponential" if straighter.low > 0 else "hyperbolic" if straighter.high < 0 else "undecided"
-    found["straighter"] = of(straighter, word, judged=True)
-    words = {found[name].verdict for name in ("episode", "step", "step, by the step size")}
-    if words & {"the same", "more"} or word == "hyperbolic":
-        return "contradicted", found
-    return "supported" if words == {"fewer"} and word == "exponential" else "inconclusive", found
+    shape = {"above": "exponential", "below": "hyperbolic"}.get(side_of(straighter, 0.0), "undecided")
+    found["straighter"] = Comparison(*straighter, shape, 4)
+    words = (one.verdict for one in found.values())
+    return verdict_of(words, ["fewer", "exponential"], ["the same", "more", "hyperbolic"]), found
 
 
 def straightness(change: Array, first_episode: float) -> Interval:
@@ -161,9 +153,15 @@ def _correlation(many: Array, x: Array) -> Array:
     return np.asarray(np.divide(centred @ x, spread, out=np.zeros(len(many)), where=spread > 0))
 
 
-def _of_ours(table: Any, name: str, condition: str, **how: Any) -> Comparison:
+def _of_ours(table: Any, name: str, condition: str, comparisons: int = 1) -> Comparison:
     """A column of `PARTS` where one is taken away, as a multiple of ours."""
-    return steps(column(table, name, condition=condition), column(table, name, condition="ours"), **how)
+    without, ours = (column(table, name, condition=one) for one in (condition, "ours"))
+    return compare_steps(without, ours, comparisons=comparisons)
+
+
+def _if_more(words: Iterable[str]) -> str:
+    """What becomes of a claim that holds where more steps are taken."""
+    return verdict_of(words, ["more"], ["the same", "fewer"])
 
 
 @question(
@@ -176,13 +174,8 @@ def _of_ours(table: Any, name: str, condition: str, **how: Any) -> Comparison:
 )
 def wall_penalty(table: Any) -> Judged:
     """Two parts."""
-    found = {
-        name: _of_ours(table, "at_wall", name, comparisons=2) for name in ("no learning at walls", "no wall penalty")
-    }
-    words = [one.verdict for one in found.values()]
-    if {"the same", "fewer"} & {*words}:
-        return "contradicted", found
-    return "supported" if words == ["more", "more"] else "inconclusive", found
+    found = {name: _of_ours(table, "at_wall", name, 2) for name in ("no learning at walls", "no wall penalty")}
+    return _if_more(one.verdict for one in found.values()), found
 
 
 @question(
@@ -195,9 +188,9 @@ def wall_penalty(table: Any) -> Judged:
 def one_snapshot(table: Any) -> Judged:
     """Three at either step size."""
     names = ("three snapshots", "three snapshots, a third of the step")
-    found = {name: _of_ours(table, "total", name, judged=True) for name in names}
+    found = {name: _of_ours(table, "total", name) for name in names}
     best = min(found.values(), key=lambda one: one.value)
-    return claim(best.verdict, ("more",), ("the same", "fewer")), found
+    return _if_more([best.verdict]), found
 
 
 @question(
@@ -209,9 +202,8 @@ def one_snapshot(table: Any) -> Judged:
 )
 def falling_cost(table: Any) -> Judged:
     """Against a constant one."""
-    names = ("constant cost", "no approach reward")
-    found = {name: _of_ours(table, "total", name, judged=name == names[0]) for name in names}
-    return claim(found["constant cost"].verdict, ("more",), ("the same", "fewer")), found
+    found = {name: _of_ours(table, "total", name, k) for name, k in (("constant cost", 1), ("no approach reward", 0))}
+    return _if_more([found["constant cost"].verdict]), found
 
 
 @question(
@@ -225,15 +217,12 @@ def falling_cost(table: Any) -> Judged:
 )
 def tens_of_episodes(table: Any) -> Judged:
     """Three models."""
-    good = {name: learns.first_good(episodes_of(table, name)) for name in EARLIER.conditions}
-    found = {
-        name: of(one, "tens" if one.high < 100 else "hundreds" if one.low >= 100 else "undecided", judged=True)
-        for name, one in good.items()
-    }
-    total = {name: episodes_of(table, name).sum(axis=1) for name in good}
-    for name in list(good)[1:]:
-        found[f"{name}.total"] = steps(total["this model"], total[name])
-    ours, *earlier = (found[name].verdict for name in good)
+    found = {}
+    for name in EARLIER.conditions:
+        good = learns.first_good(episodes_of(table, name))
+        word = "tens" if good.high < 100 else "hundreds" if good.low >= 100 else "undecided"
+        found[name] = Comparison(*good, word, 1)
+    ours, *earlier = (one.verdict for one in found.values())
     if ours == "hundreds" or "tens" in earlier:
         return "contradicted", found
     return "supported" if ours == "tens" and {*earlier} == {"hundreds"} else "inconclusive", found

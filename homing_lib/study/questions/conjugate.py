@@ -9,7 +9,7 @@ from homing_lib.features import Array
 from homing_lib.lambdas import lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question
+from homing_lib.study.findings import Comparison, Judged, compare_to_limit, estimate, question, side_of
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import CAMERA_ROBOTS, labelled, rows, study
 from homing_lib.study.theorem import beta
@@ -108,14 +108,13 @@ def conjugate(table: Any) -> Judged:
     found: dict[str, Comparison] = {}
     for update in UPDATES:
         sums = rows(table, update=update).groupby("seed").sum(numeric_only=True)
-        for name in ("until", "restarted", "to_0", "to_1"):
-            found[f"{update}.{name}"] = estimate((sums[name] / sums.steps).to_numpy(float))
-    until = found["taken.until"].interval
-    found["taken.until"] = of(until, bound(until, 0.05), judged=True)
-    verdict = "in part" if (bound(until, 0.05), bound(until, 0.5)) == ("above", "below") else "undecided"
-    if found["taken.until"].verdict == "below":
-        verdict = "hardly"
-    return "mostly" if bound(until, 0.5) == "above" else verdict, found
+        shares = {name: (sums[name] / sums.steps).to_numpy(float) for name in ("until", "restarted", "to_0", "to_1")}
+        found |= {f"{update}.{name}": estimate(share) for name, share in shares.items()}
+        if update == "taken":
+            found["taken.until"] = compare_to_limit(shares["until"], 0.05)
+    until = found["taken.until"]
+    verdict = {("below", "below"): "hardly", ("above", "below"): "in part", ("above", "above"): "mostly"}
+    return verdict.get((side_of(until, 0.05), side_of(until, 0.5)), "undecided"), found
 
 
 @question(

@@ -7,7 +7,7 @@ learns, but each trial begins with the initial weights. *Untrained*: the initial
 that were learnt and the learning under way are each there or not, in all four ways.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run_episode
-from homing_lib.study.findings import Comparison, Judged, estimate, question, shares, steps
+from homing_lib.study.findings import Comparison, Judged, compare_steps, estimate, question
 from homing_lib.study.measures import TRIAL_STEPS, rows_after
 from homing_lib.study.questions import varying
 from homing_lib.study.robots import driver
@@ -50,18 +50,7 @@ def tried(settings: Settings, seed: int) -> Columns:
     not; and `at_wall`. Of the last thousand steps of those trials that did not come home: `one_action`, the share of
     the action taken most; `spread_m`, the root mean square distance from their mean place; `stuck_at_wall`.
     """
-    names = (
-        "kind",
-        "steps",
-        "cut",
-        "home",
-        "stay_up",
-        "stay_down",
-        "at_wall",
-        "one_action",
-        "spread_m",
-        "stuck_at_wall",
-    )
+    names = ("kind", "steps", "cut", "home", *HABITS)
     trials = 1 if settings.images == "camera" else 3
 
     def trials_of(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
@@ -78,38 +67,39 @@ def tried(settings: Settings, seed: int) -> Columns:
                 for _ in range(trials):
                     robot.begin_episode(settings.episodes + 1)
                     each.append(run_episode(world, robot))
-                yield (float(kind), *_summed_up(each))
+                yield (kind, *summed_up(each))
             agent.learner.weights[:] = saved
 
     return rows_after(settings, seed, names, trials_of)
 
 
-def _summed_up(trials: list[tuple[Array, bool]]) -> tuple[float, ...]:
-    lengths = np.array([len(path) for path, _ in trials], dtype=float)
+HABITS = ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall")
+"""How robots drive, and where those that do not come home are stuck."""
+
+
+def summed_up(trials: Sequence[tuple[Array, bool]]) -> tuple[float, ...]:
+    """Of trials, each its steps and whether it came home: `steps`, `cut`, `home` and HABITS, as `tried` says."""
     action, similarity, at_wall = (STEP_COLUMNS.index(name) for name in ("action", "similarity", "at_wall"))
+    lengths = np.array([len(path) for path, _ in trials])
+    home = np.mean([reached for _, reached in trials])
     again, rose = [], []
     for path, _ in trials:
         chosen = (path[1:-1, at_wall] == 0) & (path[2:, at_wall] == 0)  # the reflex keeps to its side
         again.append((path[2:, action] == path[1:-1, action])[chosen])
         rose.append((np.diff(path[:-1, similarity]) > 0)[chosen])
     same, up = np.concatenate(again), np.concatenate(rose)
-    stuck = [path[-1000:] for path, home in trials if not home]
-    held = np.array(
-        [
-            (
-                np.unique(path[:, action], return_counts=True)[1].max() / len(path),
-                np.sqrt(path[:, :2].var(axis=0).sum()),
-                path[:, at_wall].mean(),
-            )
-            for path in stuck
-        ]
-        or [(np.nan,) * 3]
-    ).mean(axis=0)
-    walls = np.concatenate([path[:, at_wall] for path, _ in trials]).mean()
     stay = [same[some].mean() if some.any() else np.nan for some in (up, ~up)]
-    home = np.mean([reached for _, reached in trials])
-    cut = np.minimum(lengths, CAPS[0]).mean()
-    return tuple(map(float, (lengths.mean(), cut, home, *stay, walls, *held)))
+    walls = np.concatenate([path[:, at_wall] for path, _ in trials]).mean()
+    stuck = [
+        (
+            np.unique(path[:, action], return_counts=True)[1].max() / len(path),
+            np.sqrt(path[:, :2].var(axis=0).sum()),
+            path[:, at_wall].mean(),
+        )
+        for path in (path[-1000:] for path, reached in trials if not reached)
+    ]
+    held = np.mean(stuck or [(np.nan,) * 3], axis=0)
+    return (lengths.mean(), np.minimum(lengths, CAPS[0]).mean(), home, *stay, walls, *held)
 
 
 PAPER = study(
@@ -148,7 +138,7 @@ CAMERA = study(
 RULES = (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
 
 
-def _with_rule(update: str, rule: str) -> Settings:
+def with_rule(update: str, rule: str) -> Settings:
     short = after(JUDGED_AFTER)
     changes = {"episodes": short.episodes, "first_episode_share": short.first_episode_share}
     return varying.chosen("paper", update, rule).with_changes(**changes)
@@ -160,7 +150,7 @@ def other_rules() -> Study:
     return Study(
         "drives-rules",
         "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
-        labelled(_with_rule(update, rule) for update in varying.UPDATES for rule in RULES),
+        labelled(with_rule(update, rule) for update in varying.UPDATES for rule in RULES),
         ROOM_ROBOTS,
         tried,
     )
@@ -197,37 +187,32 @@ BY_START = study(
 )
 
 
-def trials(table: Any, kind: str, **values: Any) -> Any:
-    """Trials of a kind, a row for each robot, of the rows of a table with these values."""
-    return of_kind(table, KINDS.index(kind), **values)
+NEVER_HOME = {"steps": CAPS[-1], "median": CAPS[-1], "start_steps": CAPS[-1], "cut": CAPS[0]}
+"""What a robot that diverged has in its trials; where nothing is said, 0."""
 
 
-def taken(robots: Any, cap: int = CAPS[-1]) -> Array:
-    """Steps of a trial, at most so many, one number per robot; one that diverged never comes home."""
-    column = "steps" if cap == CAPS[-1] else "cut"
-    return np.asarray(robots[column].fillna(cap).to_numpy(float))
+def outcomes(table: Any, name: str, kind: str, kinds: Sequence[str] = KINDS, **values: Any) -> Array:
+    """A column of a table of trials: of a kind, in the rows with these values, one number per robot, seeds in order."""
+    column = of_kind(table, kinds.index(kind), **values)[name]
+    return np.asarray(column.fillna(NEVER_HOME.get(name, 0)).to_numpy(float))
 
 
 PAIRS = {"restored.frozen": ("restored", "frozen"), "restored.forgetful": ("restored", "forgetful")}
 """Is the learning under way needed, and are the weights that were learnt?"""
 
-BESIDE = {"frozen.random": ("frozen", "random"), "frozen.untrained": ("frozen", "untrained")}
 
-
-def compared(table: Any, name: str, comparisons: int = 1, **values: Any) -> dict[str, Comparison]:
-    """Trials of each kind, and the pairs, at both caps."""
+def compared(table: Any, name: str, comparisons: int = 0, **values: Any) -> dict[str, Comparison]:
+    """Trials of each kind, their pairs at both caps, and the frozen robot beside random actions."""
+    kinds = [KINDS[int(kind)] for kind in sorted(table.kind.dropna().unique())]
     found: dict[str, Comparison] = {}
-    tried_here = {KINDS[int(kind)] for kind in table.kind.dropna().unique()}
-    kinds = {kind: trials(table, kind, **values) for kind in KINDS if kind in tried_here}
-    for cap in CAPS:
-        for pair, (ours, theirs) in (PAIRS | BESIDE).items():
-            k = comparisons if pair in PAIRS else 1
-            found[f"{name}.{pair}.{cap}"] = steps(taken(kinds[ours], cap), taken(kinds[theirs], cap), comparisons=k)
-    for kind, its in kinds.items():
-        found[f"{name}.{kind}.steps"] = estimate(taken(its))
-        found[f"{name}.{kind}.cut"] = estimate(taken(its, CAPS[0]))
-        found[f"{name}.{kind}.home"] = estimate(its.home.fillna(0))
-    found[f"{name}.home"] = shares(kinds["restored"].home.fillna(0), kinds["frozen"].home.fillna(0))
+    for cap, column in zip(CAPS, ("cut", "steps"), strict=True):
+        taken = {kind: outcomes(table, column, kind, **values) for kind in kinds}
+        for pair, (ours, theirs) in PAIRS.items():
+            found[f"{name}.{pair}.{cap}"] = compare_steps(taken[ours], taken[theirs], comparisons=comparisons)
+    found[f"{name}.frozen.random.{cap}"] = compare_steps(taken["frozen"], taken["random"])
+    for kind, steps in taken.items():
+        found[f"{name}.{kind}.steps"] = estimate(steps)
+        found[f"{name}.{kind}.home"] = estimate(outcomes(table, "home", kind, **values))
     return found
 
 
@@ -264,29 +249,22 @@ def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_sta
     found = compared(paper, "paper", COMPARISONS, episodes=JUDGED_AFTER)
     for room in ROOMS[1:]:
         found |= compared(others, room, COMPARISONS, room=room)
-    needed = {
-        pair: {found[f"{room}.{pair}.{cap}"].verdict == "fewer" for room in ROOMS for cap in CAPS} for pair in PAIRS
-    }
-    verdict = "it depends on the room"
-    if all(len(everywhere) == 1 for everywhere in needed.values()):
-        verdict = VERDICTS[needed["restored.frozen"] == {True}, needed["restored.forgetful"] == {True}]
+    needed = [{found[f"{room}.{pair}.{cap}"].verdict == "fewer" for room in ROOMS for cap in CAPS} for pair in PAIRS]
     for number in AFTER:
         found |= compared(paper, f"after {number}", episodes=number)
-    found |= compared(slip, "slip")
-    found |= compared(camera, "camera")
+    found |= compared(slip, "slip") | compared(camera, "camera")
     for update in varying.UPDATES:
         for rule in RULES:
             name = f"{update}.{rule.replace(varying.FORM_2, 'form2').replace(':', '')}"
-            found |= compared(by_rule, name, like=_with_rule(update, rule))
-    as_is: Any = None
+            found |= compared(by_rule, name, like=with_rule(update, rule))
+    as_is = outcomes(by_start, "steps", "restored", like=after(20))
     for name, changes in START.items():
         wanted = after(20, **changes)
         found |= compared(by_start, name, like=wanted)
-        restored = trials(by_start, "restored", like=wanted)
-        as_is = restored if name == "as is" else as_is
-        found[f"{name}.of as is"] = steps(taken(restored), taken(as_is))
+        found[f"{name}.of as is"] = compare_steps(outcomes(by_start, "steps", "restored", like=wanted), as_is)
     for kind in ("restored", "frozen", "greedy", "climb"):
-        its = trials(paper, kind, episodes=JUDGED_AFTER)
-        for column in ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall"):
-            found[f"why.{kind}.{column}"] = estimate(its[column].dropna())
-    return verdict, found
+        its = of_kind(paper, KINDS.index(kind), episodes=JUDGED_AFTER)
+        found |= {f"why.{kind}.{habit}": estimate(its[habit].dropna()) for habit in HABITS}
+    if any(len(everywhere) > 1 for everywhere in needed):
+        return "it depends on the room", found
+    return VERDICTS[needed[0] == {True}, needed[1] == {True}], found

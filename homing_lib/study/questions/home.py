@@ -1,10 +1,11 @@
 """What is home for the robot, and where does it stop?"""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from homing_lib.features import Array, HomeModel, bins_per_channel, histogram, similarity
 from homing_lib.robot import Robot, wrapped
@@ -12,7 +13,7 @@ from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question
+from homing_lib.study.findings import Comparison, Judged, compare_to_limit, estimate, exact, question, side_of
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import CAMERA_ROBOTS, ROOM_ROBOTS, ROOMS, labelled, rows, study
 from homing_lib.survey import free_pose, survey
@@ -100,24 +101,23 @@ def _poses(
 
 RULES = ("one", "three", "raw")
 
+VIEWED = ("paper", "attic")
+
 VIEWS = study(
     "home-views",
     "At which places and headings does a rule stop the robot: that of eq. (19), one on three snapshots, and one on raw "
     "images? With the camera.",
-    labelled(Settings(room=room) for room in ("paper", "attic")),
+    labelled(Settings(room=room) for room in VIEWED),
     CAMERA_ROBOTS[:5],
     rules_of_stopping,
 )
 
 
-def false_alarms(views: Any) -> Any:
-    """The views all over the room at which a stop would be one. views: rows of `VIEWS`, of one room."""
-    return views[(views.kind == ANYWHERE) & ((views.away_m > FAR_M) | (views.turned_deg.abs() > TURNED_DEG))]
-
-
 def thresholds(views: Any) -> dict[str, float]:
-    """What each rule of stopping must exceed, for as many false alarms all over the room as eq. (19) gives."""
-    false = false_alarms(views)
+    """What each rule of stopping must exceed, for as many false alarms all over the room as eq. (19) gives. views: rows
+    of `VIEWS`, of one room.
+    """
+    false = views[(views.kind == ANYWHERE) & ((views.away_m > FAR_M) | (views.turned_deg.abs() > TURNED_DEG))]
     alarms = int((false.one >= stopping_thresholds(Settings().multiplier).upper).sum())
     return {rule: float(np.sort(false[rule])[-1 - alarms]) for rule in RULES}
 
@@ -129,23 +129,20 @@ def width(views: Any, rule: str, threshold: float) -> float:
 
 def wider(views: Any, rule: str) -> Interval:
     """By how many degrees eq. (19) tolerates more at home than another rule; seeds are resampled, thresholds anew."""
-    by_seed = [one for _, one in views.groupby("seed", observed=True)]
-    false = [false_alarms(one) for one in by_seed]
-    alarms = np.array([(one.one >= stopping_thresholds(Settings().multiplier).upper).sum() for one in false])
-    at_home = [one[one.kind == AT_HOME] for one in by_seed]
+    needed = views[views.kind.isin((ANYWHERE, AT_HOME))]
+    by_seed = [one for _, one in needed.groupby("seed", observed=True)]
 
-    def degrees(which: str, counts: Array) -> float:
-        times = counts.astype(int)
-        far = np.sort(np.repeat(np.concatenate([one[which] for one in false]), np.repeat(times, [*map(len, false)])))
-        least = far[-1 - int(times @ alarms)]
-        fired = np.array([(one[which] > least).sum() for one in at_home])
-        return 2.0 * float(times @ fired / times.sum())
+    def degrees(counts: Array) -> float:
+        drawn = np.repeat(np.arange(len(by_seed)), counts.astype(int))
+        resample = pd.concat([by_seed[seed].assign(seed=number) for number, seed in enumerate(drawn)])
+        least = thresholds(resample)
+        return width(resample, "one", least["one"]) - width(resample, rule, least[rule])
 
-    def more(counts: Array) -> Array:
+    def each(counts: Array) -> Array:
         unlike, place = np.unique(counts, axis=0, return_inverse=True)  # of a few seeds there are few
-        return np.array([degrees("one", one) - degrees(rule, one) for one in unlike])[place.ravel()]
+        return np.array([degrees(one) for one in unlike])[place.ravel()]
 
-    return bootstrap(more, len(by_seed))
+    return bootstrap(each, len(by_seed))
 
 
 @question(
@@ -162,8 +159,8 @@ def home(table: Any) -> Judged:
     for room in ROOMS:
         here = rows(table, room=room).dropna()
         right = (here.away_m <= FAR_M) & (here.turned_deg.abs() <= TURNED_DEG)
-        share = estimate(right.groupby(here.seed).mean().to_numpy(float), comparisons=len(ROOMS))
-        found[f"{room}.right"] = of(share.interval, bound(share.interval, 0.95), judged=True)
+        shares = right.groupby(here.seed).mean().to_numpy(float)
+        found[f"{room}.right"] = compare_to_limit(shares, 0.95, comparisons=len(ROOMS))
         found[f"{room}.away_m"] = estimate(here.groupby("seed").away_m.median().to_numpy(float))
         found[f"{room}.turned_deg"] = estimate(here.turned_deg.abs().groupby(here.seed).median().to_numpy(float))
     count = sum(found[f"{room}.right"].verdict == "above" for room in ROOMS)
@@ -183,20 +180,18 @@ def home(table: Any) -> Judged:
 def orientation(table: Any) -> Judged:
     """In two rooms, against two rules."""
     found: dict[str, Comparison] = {}
-    for room in ("paper", "attic"):
+    for room in VIEWED:
         views = rows(table, room=room)
         least = thresholds(views)
-        for rule in RULES:
-            value = width(views, rule, least[rule])
-            found[f"{room}.{rule}.degrees"] = of(Interval(value, value, value))
-        for rule in ("three", "raw"):
+        found |= {f"{room}.{rule}.degrees": exact(width(views, rule, least[rule])) for rule in RULES}
+        for rule in RULES[1:]:
             more = wider(views, rule)
-            word = {"above": "wider", "below": "narrower"}.get(bound(more, 0.0), "undecided")
-            found[f"{room}.{rule}"] = of(more, word, judged=True)
-    words = {rule: {found[f"{room}.{rule}"].verdict for room in ("paper", "attic")} for rule in ("three", "raw")}
-    if all(word == {"wider"} for word in words.values()):
+            word = {"above": "wider", "below": "narrower"}.get(side_of(more, 0.0), "undecided")
+            found[f"{room}.{rule}"] = Comparison(*more, word, 1)
+    words = [{found[f"{room}.{rule}"].verdict for room in VIEWED} for rule in RULES[1:]]
+    if all(word == {"wider"} for word in words):
         return "supported", found
-    return "contradicted" if {"narrower"} in words.values() else "inconclusive", found
+    return "contradicted" if {"narrower"} in words else "inconclusive", found
 
 
 def by_construction(holds: bool) -> str:
@@ -236,10 +231,9 @@ def finer_threshold() -> Judged:
     """Arithmetic."""
     upper, lower = stopping_thresholds(12)
     there = 1 / (pi * (1 - lower) ** 2)  # the first form's multiplier for the same threshold
-    moves: Mapping[str, float] = {
+    moves = {
         "second": upper - lower,
         "first": linear(12) - linear(11),
         "first, from the same threshold": linear(there + 1) - linear(there),
     }
-    found = {name: of(Interval(value, value, value)) for name, value in moves.items()}
-    return by_construction(moves["second"] < moves["first"]), found
+    return by_construction(moves["second"] < moves["first"]), {name: exact(move) for name, move in moves.items()}

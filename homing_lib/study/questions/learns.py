@@ -10,7 +10,16 @@ from homing_lib.robot import wrapped
 from homing_lib.rooms import Box, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
-from homing_lib.study.findings import Judged, bound, claim, estimate, of, question, steps
+from homing_lib.study.findings import (
+    OF_A_QUESTION,
+    Comparison,
+    Judged,
+    compare_steps,
+    compare_to_limit,
+    estimate,
+    question,
+    verdict_of,
+)
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW, curve, shortest
 from homing_lib.study.runs import episodes_of
 from homing_lib.study.studies import (
@@ -21,7 +30,6 @@ from homing_lib.study.studies import (
     UNLEARNT,
     column,
     labelled,
-    rows,
     study,
 )
 
@@ -52,9 +60,9 @@ SHORTEST = study(
 )
 
 
-def first_and_last(table: Any, condition: str = "form 2") -> tuple[Array, Array]:
-    """Mean steps of the first and the last five of twenty episodes, one number per robot."""
-    taken = episodes_of(table, condition)[:, :EPISODES]
+def first_and_last(table: Any) -> tuple[Array, Array]:
+    """Form 2's mean steps of the first and the last five of twenty episodes, one number per robot."""
+    taken = episodes_of(table, "form 2")[:, :EPISODES]
     return taken[:, :WINDOW].mean(axis=1), taken[:, -WINDOW:].mean(axis=1)
 
 
@@ -71,31 +79,24 @@ def first_and_last(table: Any, condition: str = "form 2") -> tuple[Array, Array]
 )
 def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     """With the camera and on the atlas."""
-    found = {}
-    random, climb = (
-        column(unlearnt, "late", room="paper", controller=controller) for controller in ("random", "climb")
-    )
+    random, climb = (column(unlearnt, "late", room="paper", controller=who) for who in ("random", "climb"))
+    found: dict[str, Comparison] = {}
     for name, table in (("atlas", atlas), ("camera", camera)):
         first, last = first_and_last(table)
         chance = np.full_like(last, random.mean())  # its robots are others: their mean is taken as it is
-        found[f"{name}.of first"] = steps(last, first, comparisons=4)
-        found[f"{name}.of random"] = steps(last, chance, comparisons=4)
-        found[f"{name}.of climb"] = steps(last, np.full_like(last, climb.mean()))
+        found[f"{name}.of first"] = compare_steps(last, first, comparisons=4)
+        found[f"{name}.of random"] = compare_steps(last, chance, comparisons=4)
+        found[f"{name}.of climb"] = compare_steps(last, np.full_like(last, climb.mean()))
         found |= {f"{name}.first": estimate(first), f"{name}.last": estimate(last)}
-        found[f"{name}.typical"] = estimate(last, iqm)
+    words = [one.verdict for one in found.values() if one.judged]
     found["random"], found["climb"] = estimate(random), estimate(climb)
-    found |= {f"shortest.{room}": estimate(rows(shortest, room=room).steps) for room in ROOMS}
-    first, last = first_and_last(camera, "fixed 0")
-    found |= {"camera.fixed0.first": estimate(first), "camera.fixed0.last": estimate(last)}
+    found |= {f"shortest.{room}": estimate(column(shortest, "steps", room=room)) for room in ROOMS}
     ours, theirs = (episodes_of(camera, who) for who in ("form 2", "fixed 0"))
-    found["camera.fixed0.total"] = steps(ours.sum(axis=1), theirs.sum(axis=1))
-    found["camera.fixed0.late"] = steps(ours[:, -WINDOW:].mean(axis=1), theirs[:, -WINDOW:].mean(axis=1), iqm)
+    found["camera.fixed0.total"] = compare_steps(ours.sum(axis=1), theirs.sum(axis=1))
+    found["camera.fixed0.late"] = compare_steps(ours[:, -WINDOW:].mean(axis=1), theirs[:, -WINDOW:].mean(axis=1), iqm)
     on_lattice, by_camera = (first_and_last(table)[1][: len(CAMERA_ROBOTS)] for table in (atlas, camera))
-    found["lattice.late"] = steps(on_lattice, by_camera, iqm)
-    words = {
-        found[f"{name}.{against}"].verdict for name in ("atlas", "camera") for against in ("of first", "of random")
-    }
-    return "yes" if words == {"fewer"} else "no" if words & {"the same", "more"} else "undecided", found
+    found["lattice.late"] = compare_steps(on_lattice, by_camera, iqm)
+    return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION), found
 
 
 @question(
@@ -110,8 +111,8 @@ def converges(atlas: Any) -> Judged:
     """The paper's sense: little is left to learn."""
     taken = episodes_of(atlas, "form 2")
     late, much_later = (taken[:, end - WINDOW : end].mean(axis=1) for end in (EPISODES, 100))
-    found = {"late": steps(late, much_later, iqm, judged=True), "mean": steps(late, much_later)}
-    return claim(found["late"].verdict, ("the same", "fewer"), ("more",)), found
+    compared = compare_steps(late, much_later, iqm, comparisons=1)
+    return verdict_of([compared.verdict], ["the same", "fewer"], ["more"]), {"late": compared}
 
 
 @question(
@@ -125,15 +126,15 @@ def converges(atlas: Any) -> Judged:
 )
 def hidden_goal(atlas: Any, camera: Any) -> Judged:
     """The start sees nothing of home."""
-    settings, found = Settings(), {}
-    room = room_named(settings.room)
-    for name, table in (("atlas", atlas), ("camera", camera)):
-        last = episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES]
-        found[f"{name}.home"] = estimate((last <= TRIAL_STEPS).mean(axis=1))
-    side = bound(found["atlas.home"].interval, 0.95)
-    found["atlas.home"] = of(found["atlas.home"].interval, side, judged=True)
-    seen = in_view(room, settings.field_of_view_deg)
-    return "contradicted" if seen else claim(side, ("above",), ("below",)), found
+    settings = Settings()
+    soon, soon_by_camera = (
+        (episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES] <= TRIAL_STEPS).mean(axis=1)
+        for table in (atlas, camera)
+    )
+    found = {"atlas.home": compare_to_limit(soon, 0.95), "camera.home": estimate(soon_by_camera)}
+    if in_view(room_named(settings.room), settings.field_of_view_deg):
+        return "contradicted", found
+    return verdict_of([found["atlas.home"].verdict], ["above"], ["below"]), found
 
 
 def in_view(room: Room, field_of_view_deg: float) -> list[str]:
@@ -161,7 +162,7 @@ def around_the_ninth(atlas: Any) -> Judged:
     first = first_good(episodes_of(atlas, "form 2")[:, :EPISODES])
     inside, outside = first.low >= 7 and first.high <= 11, first.high < 7 or first.low > 11
     verdict = "supported" if inside else "contradicted" if outside else "inconclusive"
-    return verdict, {"first good": of(first, judged=True)}
+    return verdict, {"first good": Comparison(*first, judged=1)}
 
 
 def first_good(taken: Array) -> Interval:
@@ -170,8 +171,8 @@ def first_good(taken: Array) -> Interval:
     """
 
     def first(counts: Array) -> Array:
-        episode_matrix = mean(taken, counts)
-        good = episode_matrix <= 1.5 * episode_matrix[:, -WINDOW:].mean(axis=1, keepdims=True)
+        means = mean(taken, counts)
+        good = means <= 1.5 * means[:, -WINDOW:].mean(axis=1, keepdims=True)
         return 1.0 + np.argmax(good, axis=1)
 
     return bootstrap(first, len(taken))

@@ -7,8 +7,7 @@ Table I. Its epsilon_0 of 6 is no probability and is read as .3, here too; the t
 from typing import Any
 
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import iqm, mean
-from homing_lib.study.findings import Comparison, Judged, estimate, question, steps
+from homing_lib.study.findings import OF_A_QUESTION, Comparison, Judged, compare_steps, estimate, question, verdict_of
 from homing_lib.study.measures import totals
 from homing_lib.study.studies import ROBOTS, column, study
 
@@ -72,8 +71,7 @@ PRINTED = study(
         **CASCADE,
         "the letter, tau .03": _LETTER.with_changes(tau0=0.03),
         "the letter, alpha_0 of the formula": _LETTER.with_changes(alpha0=1.25e-4),
-        **{name: settings for name, settings in ALONE.items() if settings not in CASCADE.values()},
-        **{name: settings for name, settings in UNDONE.items() if settings not in CASCADE.values()},
+        **{name: settings for name, settings in (ALONE | UNDONE).items() if settings not in CASCADE.values()},
         **{name: OURS.with_changes(**changes) for name, changes in READINGS.items()},
         **_RANDOM,
     },
@@ -82,6 +80,8 @@ PRINTED = study(
 )
 
 _OURS = f"+ {[*SUBSTITUTIONS][-1]}"
+
+LETTERS = ("the letter", "the letter, tau .03")
 
 
 @question(
@@ -96,32 +96,23 @@ _OURS = f"+ {[*SUBSTITUTIONS][-1]}"
 def printed(table: Any) -> Judged:
     """Row by row."""
     found: dict[str, Comparison] = {}
-    letters = ("the letter", "the letter, tau .03")
+    ours = column(table, "total", condition=_OURS)
     for name, settings in PRINTED.conditions.items():
         early, late = (column(table, one, condition=name) for one in ("early", "late"))
         found[f"{name}.early"], found[f"{name}.late"] = estimate(early), estimate(late)
         if settings.controller == "random":
             continue
         chance = column(table, "late", condition=f"random, {settings.centre}, {settings.variance}")
-        comparisons = 4 if name in letters else 1
-        found[f"{name}.of first"] = steps(late, early, comparisons=comparisons)
-        found[f"{name}.of random"] = steps(late, chance, comparisons=comparisons)
+        together = 4 if name in LETTERS else 0
+        found[f"{name}.of first"] = compare_steps(late, early, comparisons=together)
+        found[f"{name}.of random"] = compare_steps(late, chance, comparisons=together)
         if name != _OURS:
-            for endpoint, statistic in (("total", mean), ("late", iqm)):
-                its, ours = (column(table, endpoint, condition=who) for who in (name, _OURS))
-                found[f"{name}.of ours.{endpoint}"] = steps(its, ours, statistic)
-    return verdict(found, letters), found
+            found[f"{name}.of ours.total"] = compare_steps(column(table, "total", condition=name), ours)
+    at_each = {learns(found, name) for name in LETTERS}
+    return at_each.pop() if len(at_each) == 1 else "undecided", found
 
 
-def learns(found: dict[str, Comparison], name: str) -> bool | None:
-    """Whether a row does; None: undecided."""
-    words = {found[f"{name}.{against}"].verdict for against in ("of first", "of random")}
-    return True if words == {"fewer"} else False if words & {"the same", "more"} else None
-
-
-def verdict(found: dict[str, Comparison], letters: tuple[str, ...]) -> str:
-    """Yes, no or undecided, of the letter at both temperatures."""
-    each = [learns(found, name) for name in letters]
-    if None in each or any(each) != all(each):
-        return "undecided"
-    return "yes" if all(each) else "no"
+def learns(found: dict[str, Comparison], name: str) -> str:
+    """Whether a row does: yes, no or undecided."""
+    words = (found[f"{name}.{against}"].verdict for against in ("of first", "of random"))
+    return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION)

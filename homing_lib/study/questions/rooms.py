@@ -5,14 +5,17 @@ So the same comparisons are made in five other rooms; and every learner is calib
 budget, in two rooms, and then drives with what suits the others as well.
 """
 
+from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
 
+from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import iqm, mean, pooled, word_of
+from homing_lib.study.bootstrap import pooled, word_of
 from homing_lib.study.choosing import Choice
-from homing_lib.study.findings import Comparison, Judged, estimate, of, question, steps
+from homing_lib.study.findings import Comparison, Judged, compare_steps, estimate, question
 from homing_lib.study.measures import totals
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
@@ -149,39 +152,39 @@ def for_each() -> Study:
 )
 def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any) -> Judged:
     """In six rooms, and calibrated for four learners."""
-    tables: dict[str, Any] = {room: others[2 * k : 2 * k + 2] for k, room in enumerate(OTHERS)}
-    tables["paper"] = paper, paper_draws
+    every = paper, paper_draws, *others
+    tables = {room: every[2 * k : 2 * k + 2] for k, room in enumerate(ROOMS)}
     found: dict[str, Comparison] = {}
     for room in ROOMS:
-        found |= varying.of_room(room, tables[room][0], tables[room][1], unlearnt)
-    for update in UPDATES:
-        for who in OPPONENTS:
-            for endpoint in ("total", "cut", "late"):
-                pairs = [
-                    tuple(
-                        robots_of(one, room, update, *tables[room])[endpoint].to_numpy(float)[: len(ROOM_ROBOTS)]
-                        for one in ("form2", who)
-                    )
-                    for room in UNLIKE
-                ]
-                one = pooled(pairs, iqm if endpoint == "late" else mean)
-                found[f"pooled.{update}.{who}.{endpoint}"] = of(one, word_of(one))
+        table, draws = tables[room]
+        found |= varying.of_room(room, table, draws, unlearnt)
+    for update, who in product(UPDATES, OPPONENTS):
+        found[f"pooled.{update}.{who}.total"] = _pooled(update, who, tables)
+    for room, whose in product(CALIBRATED_IN, ("declared", *LEARNERS)):
+        total = {one: column(matrix, "total", like=with_settings_of(room, whose, one)) for one in LEARNERS}
+        found |= {f"matrix.{room}.{whose}.{learner}.steps": estimate(its) for learner, its in total.items()}
+        found |= _against_form2(f"matrix.{room}.{whose}", total)
     for room in CALIBRATED_IN:
-        for whose in ("declared", *LEARNERS):
-            total = {
-                learner: column(matrix, "total", like=with_settings_of(room, whose, learner)) for learner in LEARNERS
-            }
-            for learner, its in total.items():
-                found[f"matrix.{room}.{whose}.{learner}.steps"] = estimate(its)
-                if learner != "form2":
-                    found[f"matrix.{room}.{whose}.{learner}.total"] = steps(total["form2"], its)
-    own = {
-        (room, learner): column(matrix, "total", like=calibrated(room, learner))
-        for room in CALIBRATED_IN
-        for learner in LEARNERS
-    }
-    for (room, learner), its in own.items():
-        if learner != "form2":
-            found[f"own.{room}.{learner}.total"] = steps(own[room, "form2"], its)
+        own = {one: column(matrix, "total", like=calibrated(room, one)) for one in LEARNERS}
+        found |= _against_form2(f"own.{room}", own)
     yes = sum(varying.helps(found, room) == "yes" for room in ROOMS)
     return f"in {yes} of {len(ROOMS)} rooms", found
+
+
+def _pooled(update: str, who: str, tables: Mapping[str, tuple[Any, ...]]) -> Comparison:
+    """Form 2's total steps as a multiple of another's, over the rooms that are unlike the paper's."""
+    pairs = [
+        tuple(
+            robots_of(one, room, update, *tables[room]).total.to_numpy(float)[: len(ROOM_ROBOTS)]
+            for one in ("form2", who)
+        )
+        for room in UNLIKE
+    ]
+    ratio = pooled(pairs)
+    return Comparison(*ratio, word_of(ratio))
+
+
+def _against_form2(name: str, total: dict[str, Array]) -> dict[str, Comparison]:
+    """Form 2's total steps as a multiple of each other learner's."""
+    others = [learner for learner in total if learner != "form2"]
+    return {f"{name}.{learner}.total": compare_steps(total["form2"], total[learner]) for learner in others}

@@ -12,11 +12,22 @@ from typing import Any
 
 import numpy as np
 
+from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import Interval, iqm, smallest_ratio
+from homing_lib.study.bootstrap import iqm, smallest_ratio
 from homing_lib.study.choosing import STEP_SIZES, Choice
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, estimate, of, question, shares, steps
+from homing_lib.study.findings import (
+    OF_A_QUESTION,
+    Comparison,
+    Judged,
+    compare_shares,
+    compare_steps,
+    estimate,
+    exact,
+    question,
+    verdict_of,
+)
 from homing_lib.study.measures import totals, totals_of
 from homing_lib.study.rules import ResampledLambda
 from homing_lib.study.runs import Columns, Study, load_table
@@ -200,39 +211,41 @@ def robots_of(who: str, room: str, update: str, table: Any, draws: Any) -> Any:
     return rows(table, like=wanted)
 
 
-def lost(robots: Any, room: str, chance: Any) -> Any:
+def lost(robots: Any, room: str, unlearnt: Any) -> Array:
     """Which robots are lost: they diverged, or take more steps at the end than random actions do in their room."""
-    at_random = column(chance, "late", room=room, controller="random").mean()
-    return ((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float)
+    at_random = column(unlearnt, "late", room=room, controller="random").mean()
+    return np.asarray(((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float))
 
 
-def against(ours: Any, theirs: Any, room: str, chance: Any, comparisons: int = 1) -> dict[str, Comparison]:
+def against(ours: Any, theirs: Any, room: str, unlearnt: Any, comparisons: int = 0) -> dict[str, Comparison]:
     """Total steps, the same with episodes cut at 500, late steps of the typical robot, and who is lost."""
     a, b = ({name: one[name].to_numpy(float) for name in ("total", "cut", "late")} for one in (ours, theirs))
     return {
-        "total": steps(a["total"], b["total"], comparisons=comparisons),
-        "cut": steps(a["cut"], b["cut"]),
-        "late": steps(a["late"], b["late"], iqm),
-        "lost": shares(lost(ours, room, chance), lost(theirs, room, chance)),
+        "total": compare_steps(a["total"], b["total"], comparisons=comparisons),
+        "cut": compare_steps(a["cut"], b["cut"]),
+        "late": compare_steps(a["late"], b["late"], iqm),
+        "lost": compare_shares(lost(ours, room, unlearnt), lost(theirs, room, unlearnt)),
     }
 
 
-def of_room(room: str, table: Any, draws: Any, chance: Any) -> dict[str, Comparison]:
+def _of_form_2(room: str, update: str, who: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
+    """Form 2 against another, by `against`."""
+    ours, theirs = (robots_of(one, room, update, table, draws) for one in ("form2", who))
+    found = against(ours, theirs, room, unlearnt, COMPARISONS if who in OPPONENTS else 0)
+    return {f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}": one for endpoint, one in found.items()}
+
+
+def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
     """Form 2 against each of OPPONENTS, and against a fixed lambda at its mean, under both updates."""
-    found = {}
+    found: dict[str, Comparison] = {}
     for update in UPDATES:
-        ours = robots_of("form2", room, update, table, draws)
         for who in (*OPPONENTS, "mean of form2"):
-            theirs = robots_of(who, room, update, table, draws)
-            comparisons = COMPARISONS if who in OPPONENTS else 1
-            for endpoint, one in against(ours, theirs, room, chance, comparisons).items():
-                found[f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}"] = one
+            found |= _of_form_2(room, update, who, table, draws, unlearnt)
         for who in ("form2", *OPPONENTS):
             robots = robots_of(who, room, update, table, draws)
             found[f"{room}.{update}.{who}.steps"] = estimate(robots.total)
-            found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, chance))
-        least = smallest(room, update, len(ours))
-        found[f"{room}.{update}.smallest ratio"] = of(Interval(least, least, least))
+            found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, unlearnt))
+        found[f"{room}.{update}.smallest ratio"] = exact(smallest(room, update, len(robots)))
     return found
 
 
@@ -246,10 +259,8 @@ def smallest(room: str, update: str, robots: int) -> float:
 
 def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> str:
     """Whether form 2 takes fewer total steps than fixed 0, the best fixed lambda and draws: yes, no or undecided."""
-    words = [found[f"{room}.{update}.{who}.total"].verdict for who in ("fixed0", "best", "draws")]
-    if {"the same", "more"} & {*words}:
-        return "no"
-    return "yes" if {*words} == {"fewer"} else "undecided"
+    words = (found[f"{room}.{update}.{who}.total"].verdict for who in ("fixed0", "best", "draws"))
+    return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION)
 
 
 @question(
@@ -263,20 +274,13 @@ def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> 
     in_paper_drawn,
     UNLEARNT,
 )
-def varying(table: Any, draws: Any, chance: Any) -> Judged:
+def varying(table: Any, draws: Any, unlearnt: Any) -> Judged:
     """In the paper's room."""
-    found = of_room("paper", table, draws, chance)
+    found = of_room("paper", table, draws, unlearnt)
     for update in UPDATES:
-        ours = robots_of("form2", "paper", update, table, draws)
         for who in ("opposite", "form1", "form3"):
-            theirs = robots_of(who, "paper", update, table, draws)
-            found |= {
-                f"paper.{update}.{who}.{endpoint}": one
-                for endpoint, one in against(ours, theirs, "paper", chance).items()
-            }
+            found |= _of_form_2("paper", update, who, table, draws, unlearnt)
         for who in ("gate", "opposite", "form1", "form3"):
             its, mean = (robots_of(name, "paper", update, table, draws) for name in (who, f"mean of {who}"))
-            found |= {
-                f"own.{update}.{who}.{endpoint}": one for endpoint, one in against(its, mean, "paper", chance).items()
-            }
+            found[f"own.{update}.{who}.total"] = compare_steps(its.total.to_numpy(float), mean.total.to_numpy(float))
     return helps(found, "paper"), found

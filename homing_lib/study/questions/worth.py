@@ -4,24 +4,35 @@ Against the climb, which keeps to an action while the view comes closer to the s
 others, and learns nothing. All episodes count, the first as well.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import groupby, product
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from homing_lib.agent import SarsaAgent
 from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run, run_episode
-from homing_lib.study.findings import Comparison, Judged, bound, claim, estimate, of, question, shares, steps
+from homing_lib.study.findings import (
+    Comparison,
+    Judged,
+    compare_shares,
+    compare_steps,
+    compare_to_limit,
+    estimate,
+    question,
+    verdict_of,
+)
 from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
-from homing_lib.study.questions import rooms, varying
+from homing_lib.study.questions import drives, rooms, varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, episode_matrix
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, of_kind, rows, study
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, study
 from homing_lib.survey import free_pose
 
 # --- All episodes counted ---------------------------------------------------------------------------------------------
@@ -75,26 +86,33 @@ _EXTENSION: dict[str, Any] = {
 well."""
 
 
-def _trials(
-    settings: Settings, env: HomingEnv, agent: Any, seed: int, kinds: Any
-) -> Iterator[tuple[str, Any, Any, Any]]:
-    """Of each kind, one trial from each place of the room, its heading drawn anew for each seed, then five from the
-    room's start: kind, pose, steps (at most 2,000) and whether home was reached.
+class Trial(NamedTuple):
+    """An episode of a robot that has learnt: who is tried, whence, its steps (at most 2,000), and if it came home."""
+
+    kind: str
+    start: Pose
+    steps: int
+    home: bool
+
+
+def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kinds: Sequence[str]) -> Iterator[Trial]:
+    """Of each kind, one from each place of the room, its heading drawn anew for each seed, then five from the room's
+    start.
     """
     drawn = np.random.default_rng([seed, 4])
     everywhere = [pose._replace(heading=drawn.uniform(-pi, pi)) for pose in starts_everywhere(env, headings=1)]
     saved = agent.learner.weights.copy()
     now = settings.with_changes(max_steps=2000, start="room")
     with HomingEnv(now, observation="features", model=env.model) as world:
-        for name in kinds:
-            rng = np.random.default_rng([seed, 5, KINDS.index(name)])
-            robot = driver(name, agent, settings, saved, rng)
+        for kind in kinds:
+            rng = np.random.default_rng([seed, 5, KINDS.index(kind)])
+            robot = driver(kind, agent, settings, saved, rng)
             world.reset(seed=seed)
             order = rng.permutation(len(everywhere))  # who learns on meets the places in no order
-            for pose in [*(everywhere[place] for place in order), *5 * [env.room.start]]:
+            for start in [*(everywhere[place] for place in order), *5 * [env.room.start]]:
                 robot.begin_episode(settings.episodes + 1)
-                path, home = run_episode(world, robot, {"start": pose})
-                yield name, pose, len(path), home
+                path, home = run_episode(world, robot, {"start": start})
+                yield Trial(kind, start, len(path), home)
     agent.learner.weights[:] = saved
 
 
@@ -108,14 +126,13 @@ def placed(settings: Settings, seed: int) -> Columns:
 
     def summed_up(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
         kinds = KINDS if settings.start == "room" else EXTENDED
-        trials = list(_trials(settings, env, agent, seed, kinds))
-        for name in kinds:
-            taken, reached = np.array([(one[2], one[3]) for one in trials if one[0] == name], dtype=float).T
-            everywhere, start = taken[:-5], taken[-5:]
-            cut = np.minimum(everywhere, TRIAL_STEPS)
-            soon = reached[:-5] * (everywhere <= TRIAL_STEPS)
-            means = (everywhere.mean(), cut.mean(), np.median(everywhere), soon.mean(), reached[:-5].mean())
-            yield (float(KINDS.index(name)), *map(float, means), float(start.mean()))
+        for kind, some in groupby(trials(settings, env, agent, seed, kinds), lambda one: one.kind):
+            taken, reached = np.array([(one.steps, one.home) for one in some], dtype=float).T
+            steps, home = taken[:-5], reached[:-5]
+            cut = np.minimum(steps, TRIAL_STEPS)
+            soon = home * (steps <= TRIAL_STEPS)
+            means = (steps.mean(), cut.mean(), np.median(steps), soon.mean(), home.mean(), taken[-5:].mean())
+            yield (KINDS.index(kind), *map(float, means))
 
     return rows_after(settings, seed, names, summed_up)
 
@@ -130,9 +147,9 @@ def mapped(settings: Settings, seed: int) -> Columns:
     names = ("kind", "x", "y", "steps", "home")
 
     def one_by_one(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        for name, pose, taken, home in _trials(settings, env, agent, seed, MAPPED):
-            if pose != env.room.start:
-                yield KINDS.index(name), pose.x, pose.y, taken, home and taken <= TRIAL_STEPS
+        for kind, start, steps, home in trials(settings, env, agent, seed, MAPPED):
+            if start != env.room.start:
+                yield KINDS.index(kind), start.x, start.y, steps, home and steps <= TRIAL_STEPS
 
     return rows_after(settings, seed, names, one_by_one)
 
@@ -178,24 +195,25 @@ def carried(settings: Settings, seed: int) -> Columns:
     """
     names = ("learning", "bright", "kidnapped", "steps", "home")
 
-    def trials(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
+    def means(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
         rng = np.random.default_rng([seed, 4])
         poses = [free_pose(env.world, env.room, rng) for _ in range(40)]
         saved = agent.learner.weights.copy()
-        for name in _LIVING:
+        for kind in _LIVING:
             for light, kidnapped in [*((light, False) for light in LIGHTS), (1.0, True)]:
-                robot = driver(name, agent, settings, saved, np.random.default_rng([seed, 5]))
+                robot = driver(kind, agent, settings, saved, np.random.default_rng([seed, 5]))
                 cap = TRIAL_STEPS + _KIDNAPPED_AT * kidnapped
                 now = settings.with_changes(light=light, max_steps=cap)
                 with HomingEnv(now, observation="features", model=env.model) as world:
                     world.reset(seed=seed)
-                    ends = [_trial(world, robot, settings, pose, kidnapped) for pose in poses]
-                yield (name == "restored", light, kidnapped, *np.mean(ends, axis=0))
+                    ends = [way_home(world, robot, settings, pose, kidnapped) for pose in poses]
+                yield (kind == "restored", light, kidnapped, *np.mean(ends, axis=0))
 
-    return rows_after(settings, seed, names, trials)
+    return rows_after(settings, seed, names, means)
 
 
-def _trial(world: HomingEnv, robot: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
+def way_home(world: HomingEnv, robot: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
+    """Of an episode that begins at a pose, or in which the robot is carried there: steps from there, and success."""
     robot.begin_episode(settings.episodes + 1)
     if not kidnapped:
         path, home = run_episode(world, robot, {"start": pose})
@@ -225,11 +243,11 @@ OWN_STEP_SIZE = ("hall", "cell")
 COMPARISONS = len(ROOMS) * len(AT)
 
 
-def tried(table: Any, name: str, kind: str, room: str, **values: Any) -> Array:
-    """A column of `placed`, one number per robot, of trials of a kind; one that diverged never comes home."""
-    never = {"steps": 2000.0, "start_steps": 2000.0, "median": 2000.0, "cut": float(TRIAL_STEPS)}
-    its = of_kind(table, KINDS.index(kind), room=room, **values)[name]
-    return np.asarray(its.fillna(never.get(name, 0.0)).to_numpy(float))
+def outcomes(table: Any, name: str, kind: str, room: str, episodes: int = 20) -> Array:
+    """A column of `placed` after so many episodes of training, one number per robot, of trials of a kind; one that
+    diverged never comes home.
+    """
+    return drives.outcomes(table, name, kind, KINDS, room=room, episodes=episodes)
 
 
 @question(
@@ -251,26 +269,23 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
     found: dict[str, Comparison] = {}
     for room in ROOMS:
         table = paper if room == "paper" else others
-        for start in ("room", "uniform"):
-            ours, climb = (rows(table, room=room, start=start, controller=who) for who in ("sarsa", "climb"))
-            for number in EVERY:
-                comparisons = COMPARISONS if number in AT and start == "room" else 1
-                pair = (one[f"after_{number}"].to_numpy(float) for one in (ours, climb))
-                found[f"{room}.{start}.{number}"] = steps(*pair, comparisons=comparisons)
-            saved = climb[f"after_{AT[0]}"].to_numpy(float) - ours[f"after_{AT[0]}"].to_numpy(float)
-            found[f"{room}.{start}.saved"] = estimate(saved)
+        for start, number in product(("room", "uniform"), EVERY):
+            ours, climb = (
+                column(table, f"after_{number}", room=room, start=start, controller=who) for who in ("sarsa", "climb")
+            )
+            together = COMPARISONS if number in AT and start == "room" else 0
+            found[f"{room}.{start}.{number}"] = compare_steps(ours, climb, comparisons=together)
         for training, episodes, kinds in (("published", 20, KINDS), ("extension", 100, EXTENDED)):
-            for kind in kinds:
-                for name in ("steps", "cut", "median", "soon", "home", "start_steps"):
-                    its = tried(everywhere, name, kind, room, episodes=episodes)
-                    found[f"{room}.{training}.{kind}.{name}"] = estimate(its)
-                    if kind != "climb" and name in ("steps", "start_steps"):
-                        climb = tried(everywhere, name, "climb", room, episodes=20)
-                        found[f"{room}.{training}.{kind}.of climb.{name}"] = steps(its, climb)
+            for kind, name in product(kinds, ("steps", "median", "soon", "home", "start_steps")):
+                robots = outcomes(everywhere, name, kind, room, episodes)
+                found[f"{room}.{training}.{kind}.{name}"] = estimate(robots)
+                if kind != "climb" and name in ("steps", "start_steps"):
+                    climb = outcomes(everywhere, name, "climb", room)
+                    found[f"{room}.{training}.{kind}.of climb.{name}"] = compare_steps(robots, climb)
     for room, table in zip(OWN_STEP_SIZE, own, strict=True):
         climb = column(unlearnt, "total", room=room, controller="climb")
         learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
-        found[f"{room}.own step size.{AT[0]}"] = steps(learner[: len(climb)], climb)
+        found[f"{room}.own step size.{AT[0]}"] = compare_steps(learner[: len(climb)], climb)
     counts = [sum(found[f"{room}.room.{number}"].verdict == "fewer" for room in ROOMS) for number in AT]
     return f"within 20 episodes in {counts[0]} of {len(ROOMS)} rooms, within 60 in {counts[1]}", found
 
@@ -285,13 +300,10 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
 )
 def from_almost_anywhere(everywhere: Any) -> Judged:
     """Learning on, and frozen."""
-    found: dict[str, Comparison] = {}
-    for kind in ("restored", "frozen", "climb", "random"):
-        for name in ("soon", "home"):
-            found[f"{kind}.{name}"] = estimate(tried(everywhere, name, kind, "paper", episodes=20))
-    side = bound(found["restored.soon"].interval, 0.95)
-    found["restored.soon"] = of(found["restored.soon"].interval, side, judged=True)
-    return claim(side, ("above",), ("below",)), found
+    soon = {kind: outcomes(everywhere, "soon", kind, "paper") for kind in ("restored", "frozen", "climb", "random")}
+    found = {f"{kind}.soon": estimate(shares) for kind, shares in soon.items()}
+    found["restored.soon"] = compare_to_limit(soon["restored"], 0.95)
+    return verdict_of([found["restored.soon"].verdict], ["above"], ["below"]), found
 
 
 @question(
@@ -312,15 +324,14 @@ def kidnapped(table: Any) -> Judged:
             (round(float(light), 2), bool(taken)): one.sort_values("seed").home.to_numpy(float)
             for (light, taken), one in of_robot.groupby(["bright", "kidnapped"])
         }
-        for (light, taken), its in home.items():
-            found[f"{name}.{'carried' if taken else f'light {light:g}'}"] = estimate(its)
-        found[f"{name}.carried or begun"] = shares(home[1.0, True], home[1.0, False])
+        for (light, taken), shares in home.items():
+            found[f"{name}.{'carried' if taken else f'light {light:g}'}"] = estimate(shares)
+        judged = int(name == "restored")
+        if judged:
+            found["restored.carried"] = compare_to_limit(home[1.0, True], 0.95)
+        begun = home[1.0, False]
+        found[f"{name}.carried or begun"] = compare_shares(home[1.0, True], begun, comparisons=judged)
         for light in (LIGHTS[0], LIGHTS[-1]):
-            found[f"{name}.light {light:g} or as learnt"] = shares(home[light, False], home[1.0, False])
-    as_many = found["restored.carried or begun"].verdict
-    enough = bound(found["restored.carried"].interval, 0.95)
-    found["restored.carried"] = of(found["restored.carried"].interval, enough, judged=True)
-    found["restored.carried or begun"] = found["restored.carried or begun"]._replace(judged=True)
-    if as_many in ("the same", "more") and enough == "above":
-        return "supported", found
-    return "contradicted" if as_many == "fewer" or enough == "below" else "inconclusive", found
+            found[f"{name}.light {light:g} or as learnt"] = compare_shares(home[light, False], begun)
+    words = found["restored.carried or begun"].verdict, found["restored.carried"].verdict
+    return verdict_of(words, ["the same", "more", "above"], ["fewer", "below"]), found
