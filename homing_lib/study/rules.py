@@ -4,7 +4,7 @@ A lesson's tool, quick on the compact atlas. All rules share one step size; whic
 question for a study (`varying`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import signature
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from homing_lib.agent import Agent
+from homing_lib.agent import AgentFactory
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import LambdaRule, checked
@@ -99,18 +99,16 @@ def _late(steps: Array) -> Array:
 
 _TOO_FEW = "one robot says nothing of how robots differ; give two or more"
 
-MakesAgent = Callable[[Settings, np.random.Generator], Agent]
-"""What makes an agent for a run, such as the class of one: `SarsaAgent`, `ClimbingAgent`."""
-
 
 def compare(
     rules: Mapping[str, LambdaRule],
     seeds: Sequence[int],
     settings: Settings | None = None,
     *,
-    agents: Mapping[str, MakesAgent] | None = None,
+    agents: Mapping[str, AgentFactory] | None = None,
 ) -> Rules:
-    """Run every rule with every seed, then other agents, which `agents` makes by label (`agent.run`'s `agent`).
+    """Run every rule with every seed, and other agents. agents: by label what makes one of settings and rng, such as a
+    class (`agent.Agent`).
 
     settings: by default the paper's robot on the compact atlas. A run that diverges counts as `max_steps` steps in each
     episode that it did not finish. Before any run, raises UserError for what are no seeds, or only one, and for a label
