@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from homing_lib.publish import charts, curves, forests, plans
+from homing_lib.publish import charts, curves, forests, parts, plans
 from homing_lib.publish.forests import Panel, forest
 from homing_lib.publish.style import AMBER, BLUE, GREY, INK, SKY, TEXT_WIDTH
 from homing_lib.rooms import PAPER
@@ -97,6 +97,23 @@ def test_an_undecided_interval_is_hollow_and_the_key_names_the_words_that_are_me
     figure = forest(Panel("steps", {"a": [WORDS["more"]]}), series=["one"])
     assert words(figure.legends[0].texts) == ["one", "more"]
     assert forest(Panel("steps", {"a": [WORDS[""]]})).legends == []
+
+
+@pytest.mark.parametrize(
+    ("ends", "narrow", "numbers"),
+    [
+        ((10, 300), False, [10, 20, 50, 100, 200]),
+        ((10, 300), True, [10, 30, 100, 300]),
+        ((10, 150), True, [10, 20, 50, 100]),
+        ((10, 60), False, [10, 12, 15, 20, 25, 30, 40, 50, 60]),
+        ((0.8, 1.3), True, [0.8, 0.9, 1, 1.1, 1.2, 1.3]),
+    ],
+)
+def test_a_logarithmic_axis_has_the_more_numbers_written_out_the_less_it_spans(ends, narrow, numbers):
+    axes = Figure().add_subplot(xlim=ends)
+    parts.log_axis(axes, "x", narrow=narrow)
+    ticks = [tick for tick in axes.get_xticks() if ends[0] <= tick <= 1.0001 * ends[1]]
+    assert [f"{tick:g}" for tick in ticks] == [f"{number:g}" for number in numbers]
 
 
 def test_a_letter_that_learns_is_a_disc_and_one_that_does_not_a_square():
