@@ -13,7 +13,7 @@ def lab() -> None:
     """The lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions."""
     from homing_lib.teach import handouts
 
-    handouts.write()
+    handouts.build(handouts.FOLDER)
 
 
 if __name__ == "__main__":

@@ -1,22 +1,29 @@
-"""An experiment as the paper describes it: look at home, survey, then learn for some episodes (Fig. 2, section IV)."""
+"""An experiment as the paper describes it: look at home, survey, then learn for some episodes (Fig. 2, section IV).
+
+run          the whole experiment, by the agent that the settings name or by one of your own
+Agent        what an agent is: three methods
+SarsaAgent, RandomAgent, ClimbingAgent
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from inspect import signature
+from typing import Any, NamedTuple, Protocol
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from homing_lib import lambdas
-from homing_lib.environment import HomingEnv, seed_of, survey
-from homing_lib.errors import UserError
+from homing_lib.environment import HomingEnv, seed_of
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import LambdaRule
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa, silent
 from homing_lib.settings import Settings
+from homing_lib.survey import survey
 
 STEP_COLUMNS = (
     *("x", "y", "heading"),  # of the pose reached: m, m, rad
@@ -27,17 +34,62 @@ STEP_COLUMNS = (
 """What an episode records at every step."""
 
 
+class Learnt(NamedTuple):
+    """What an agent says of one step of learning, for the records: by default, that nothing was learnt."""
+
+    delta: float = 0.0  # TD error
+    lambda_: float = 0.0
+    clipped: bool = False  # whether lambda was reset to [0, 1]
+    change: float = 0.0  # Euclidean length of the weights' change
+
+
+class Agent(Protocol):
+    """Whoever chooses the actions, and may learn. Pass `run` a function that makes one of settings and rng:
+
+        run(settings, seed, agent=lambda settings, rng: MyAgent(settings.n_features, rng))
+
+    rng: the agent's own generator, fixed by the seed. The survey, the start and the world's generator are fixed too, so
+    that agents can be compared seed by seed (where their paths part, so does what the world draws: the reflex's side,
+    wheel slip, later uniform starts).
+    """
+
+    def begin_episode(self, number: int) -> None:
+        """Episode 1, 2, ... is about to start: clear traces, set rates."""
+
+    def choose(self, phi: Array) -> int:
+        """The action for a view: 0 (left), 1 (right) or 2 (forward). phi: its features, shape (n,), each in [0, 1].
+
+        Called once for every view, the last too, but not while the reflex drives.
+        """
+
+    def learn(
+        self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
+    ) -> Learnt | None:
+        """Learn from one step: in the view `phi`, `action` was driven, for this reward, and led to `phi_next`.
+
+        action, next_action: what was and will be driven, chosen or by the reflex. terminal: `phi_next` is home, and the
+        episode ends (`next_action` is not driven); one that is cut at `max_steps` is not terminal. at_wall: the step
+        was stopped by an obstacle, or a turn away from it. Returns what the records are to say of it, or None. Raises
+        `sarsa.Diverged` when the weights leave the finite numbers: the run ends there, and is recorded as such.
+        """
+
+
+_RETURNED = Learnt, type(None)
+AgentFactory = Callable[[Settings, np.random.Generator], Agent]
+
+
 class SarsaAgent:
     """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images.
 
-    lambda_rule: a function to use in place of the settings' rule.
+    lambda_rule: a function to use in place of the settings' rule. For another schedule of step size and exploration,
+    derive from it and override `rates`.
     """
 
     def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
         self.settings, self.rng = settings, rng
         self.epsilon, self.temperature = settings.epsilon0, settings.tau0
-        chosen = lambdas.lambda_spec(settings.lambda_rule)
-        rule = chosen.rule if lambda_rule is None else lambdas.checked(lambda_rule)
+        spec = lambdas.lambda_spec(settings.lambda_rule)
+        rule = spec.rule if lambda_rule is None else lambdas.checked(lambda_rule)
         self.learner = LinearSarsa(
             settings.n_features,
             3,
@@ -45,9 +97,8 @@ class SarsaAgent:
             discount=settings.discount,
             lambda_rule=Overwritten(rule) if settings.overwrite_features else rule,
             initial_weight=settings.theta0,
-            clip=chosen.clip,
-            on_zero=chosen.on_zero,
-            traces=settings.traces,
+            clip=spec.clip,
+            on_zero=spec.on_zero,
             update=settings.update,
             bootstrap_terminal=settings.bootstrap_terminal,
         )
@@ -70,12 +121,12 @@ class SarsaAgent:
 
     def learn(
         self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
-    ) -> tuple[float, float, bool, float]:
-        """One update. Returns the TD error, lambda, whether it was clipped, and the length of the weights' change."""
+    ) -> Learnt:
+        """One update of `LinearSarsa`; at a wall, only if the settings say so."""
         if at_wall and not self.settings.learn_at_walls:
-            return 0.0, 0.0, False, 0.0
+            return Learnt()
         delta = self.learner.learn(phi, action, reward, phi_next, next_action, terminal)
-        return delta, self.learner.lambda_, self.learner.clipped, self.learner.change
+        return Learnt(delta, self.learner.lambda_, self.learner.clipped, self.learner.change)
 
 
 class RandomAgent:
@@ -91,9 +142,9 @@ class RandomAgent:
         """Draw an action."""
         return int(self.rng.integers(3))
 
-    def learn(self, *_: Any) -> tuple[float, float, bool, float]:
+    def learn(self, *_: Any) -> Learnt:
         """Nothing to learn."""
-        return 0.0, 0.0, False, 0.0
+        return Learnt()
 
 
 class ClimbingAgent(RandomAgent):
@@ -112,19 +163,8 @@ class ClimbingAgent(RandomAgent):
         return self._action
 
 
-class Agent(Protocol):
-    """Whoever chooses actions, and may learn: `SarsaAgent` is an example."""
-
-    def begin_episode(self, number: int) -> None: ...
-
-    def choose(self, phi: Array) -> int: ...
-
-    def learn(
-        self, phi: Array, action: int, reward: float, phi_next: Array, next_action: int, terminal: bool, at_wall: bool
-    ) -> tuple[float, float, bool, float]: ...
-
-
-_REFERENCES: dict[str, type[RandomAgent]] = {"random": RandomAgent, "climb": ClimbingAgent}
+AGENTS: dict[str, AgentFactory] = {"sarsa": SarsaAgent, "random": RandomAgent, "climb": ClimbingAgent}
+"""Those that settings know by name: their `controller`."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +173,8 @@ class Overwritten:
 
     rule: LambdaRule
 
-    def __call__(self, **seen: Any) -> float:
-        return self.rule(**{**seen, "phi_prev": seen["phi"]})
+    def __call__(self, **step: Any) -> float:
+        return self.rule(**{**step, "phi_prev": step["phi"]})
 
     def __str__(self) -> str:
         return lambdas.name_of(self.rule)
@@ -156,7 +196,10 @@ def run_episode(
         action, reflex, at_wall = info["action"], info["reflex"], info["at_wall"]
         next_action = agent.choose(phi_next) if reflex < 0 else reflex
         learnt = agent.learn(phi, action, float(reward), phi_next, next_action, terminated, at_wall)
-        steps.append((*info["pose"], action, reward, info["similarity"], *learnt, at_wall))
+        if not isinstance(learnt, _RETURNED):
+            returned = f"{type(agent).__name__} returned {shown(learnt)}"
+            raise UserError(f"agent: learn of {returned}; it must return homing_lib.agent.Learnt(...) or None")
+        steps.append((*info["pose"], action, reward, info["similarity"], *(learnt or Learnt()), at_wall))
         if terminated or truncated:
             return np.array(steps, dtype=np.float64), terminated
         phi, action = phi_next, next_action
@@ -222,24 +265,23 @@ def run(
     after_episode: Callable[[int], object] = lambda number: None,
     afterwards: Callable[[HomingEnv, Any], object] = lambda env, agent: None,
     *,
-    agent: Callable[[Settings, np.random.Generator], Agent] | None = None,
+    agent: AgentFactory | None = None,
     survey: Callable[..., HomeModel] = survey,
     episodes: Callable[..., Episodes] = run_episodes,
 ) -> Run:
     """The whole experiment, fixed to the bit by settings and seed.
 
-    lambda_rule: a function of one's own in place of the settings' rule (see `lambdas`), of which the run keeps no note.
-    after_episode is told 1, 2, ... for progress; afterwards gets the world and the trained agent, before both are gone
-    (not if the run diverged). agent: makes who drives, in place of the settings' controller. survey, episodes: what
-    does the work, `survey` and `run_episodes` or others that do the same (`study.engine`).
+    agent: makes another `Agent` than the settings' `controller`; the settings' learning (alpha0, lambda_rule, ...) is
+    then its own affair. lambda_rule: a function of one's own in place of the settings' rule. Of neither does the run
+    keep a note. after_episode is called with 1, 2, ... for progress; afterwards with the world and the trained agent,
+    before both are gone (not if the run diverged). survey, episodes: what does the work, `survey` and `run_episodes` or
+    others that do the same (`study.engine`).
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
-    if agent and lambda_rule:
-        raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
-    make = agent or partial(_controller, lambda_rule=lambda_rule)
+    make = _factory(settings, lambda_rule, agent)
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
-        driver = make(settings, np.random.default_rng(agent_seed))
+        driver = _three_methods(make(settings, np.random.default_rng(agent_seed)))
         env.surveyed(survey)
         env.reset(seed=int(world_seed.generate_state(1)[0]))
         result = Run(settings, seed, *episodes(env, driver, settings.episodes, after_episode))
@@ -248,10 +290,34 @@ def run(
     return result
 
 
-def _controller(settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None) -> Agent:
-    """Who drives by the setting `controller`."""
-    if settings.controller == "sarsa":
-        return SarsaAgent(settings, rng, lambda_rule)
-    if lambda_rule is None:
-        return _REFERENCES[settings.controller](settings, rng)
-    raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
+def _factory(settings: Settings, lambda_rule: LambdaRule | None, agent: AgentFactory | None) -> AgentFactory:
+    """What makes the agent. Raises UserError for a rule that it would not use, and for what makes none."""
+    if agent is not None and lambda_rule is not None:
+        raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
+    if agent is not None:
+        _require_call("agent", agent, "settings", "rng")
+        return agent
+    if lambda_rule is not None:
+        if settings.controller != "sarsa":
+            raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
+        return partial(SarsaAgent, lambda_rule=lambda_rule)
+    return AGENTS[settings.controller]
+
+
+def _three_methods(agent: Agent) -> Agent:
+    """The agent itself. Raises UserError, in one line, if it lacks one of the three methods of `Agent`."""
+    for name in ("begin_episode", "choose", "learn"):
+        takes = [parameter for parameter in signature(getattr(Agent, name)).parameters if parameter != "self"]
+        _require_call(f"agent: {name} of {type(agent).__name__}", getattr(agent, name, None), *takes)
+    return agent
+
+
+def _require_call(what: str, function: Any, *takes: str) -> None:
+    """Raises UserError, which says what, unless a function takes as many arguments."""
+    try:
+        signature(function).bind(*takes)
+    except TypeError as error:
+        call = f"{shown(function)} must be callable with ({', '.join(takes)})"
+        raise UserError(f"{what}: {call}: {error}; `homing_lib.agent.Agent` says what an agent is") from None
+    except ValueError:
+        pass  # one of C, which keeps its signature to itself

@@ -43,8 +43,9 @@ try:
         import pybullet
 except ImportError:
     raise UserError(
-        'the camera needs PyBullet, which is not installed; choose images="compact", which runs everywhere, or build '
-        "it: `pip install pybullet` (some minutes where there is no wheel, and a C++ compiler)"
+        'the camera needs PyBullet, which is not installed; choose images="compact" (an environment then needs '
+        'observation="features"), which runs everywhere, or build it: `pip install pybullet` (some minutes where there '
+        "is no wheel, and a C++ compiler)"
     ) from None
 
 _BODY_HEIGHT_M, _LARGEST_CLEARANCE_M = 0.03, 0.1

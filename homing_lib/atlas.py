@@ -10,7 +10,6 @@ import hashlib
 import inspect
 import json
 import os
-import shutil
 import sys
 from contextlib import AbstractContextManager
 from functools import cache
@@ -35,7 +34,6 @@ from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, write_bytes
 
 FOLDER = ROOT / ".build" / "atlas"
-_BLOCK = 3  # columns of the lattice that are rendered and kept together
 _OUTSIDE_M = -0.1  # the clearance outside the lattice, which is outside the room
 _source = cache(inspect.getsource)  # which parses the whole file
 _opened: dict[Path, "Atlas"] = {}
@@ -134,22 +132,22 @@ def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, wo
     """The atlas of a room under these settings: loaded if a sound one is stored, else built, with progress.
 
     It is stored under the hash of all that it depends on, in place of one of the same settings by other code; a process
-    keeps those that it has opened. Building may be stopped at any time and resumes from there; whoever asks meanwhile
-    waits. workers: processes, -1 for one per core. Without PyBullet, one that other packages made is as good, and
-    UserError is raised where there is none.
+    keeps those that it has opened. Building takes a minute; whoever asks meanwhile waits. workers: processes, -1 for
+    one per core. Without PyBullet, one that other packages made is as good, and UserError is raised where there is
+    none.
     """
     folder, name = folder or FOLDER, f"{room.name}-{digest(room, settings)}"
     path = folder / f"{name}.npz"
     if not path.exists() and not camera_available():
         path = next(folder.glob(f"{name.rpartition('-')[0]}-*.npz"), path)
     if path not in _opened:
-        arrays = _read(path)
+        arrays = read_stored(path)
         if arrays is None:
             from homing_lib import arena  # noqa: F401, which refuses here where there is nothing to build with
 
-            with _alone(path):
+            with _build_lock(path):
                 # By now another process may have built it.
-                arrays = _read(path, quiet=True) or _build(path, room, settings, workers)
+                arrays = read_stored(path, quiet=True) or _build(path, room, settings, workers)
             for other in {*folder.glob(f"{name.rsplit('-', 2)[0]}-*.npz")} - {path}:
                 other.unlink(missing_ok=True)
         _opened[path] = Atlas(Lattice(room, settings), **arrays)
@@ -164,11 +162,11 @@ def open_compact(room: Room, settings: Settings) -> Atlas:
     """The atlas that comes along. Raises UserError if these settings or this room are not what it holds."""
     header, atlas = read_compact(COMPACT)
     held = {"room": PAPER.name, **header["settings"]}
-    usual = Settings().of_scope("lattice")  # nobody's wish; another lattice than that is asked for, and is not this one
+    default = Settings().of_scope("lattice")  # asked for by nobody, unlike any other lattice
     for name, value in {"room": room.name, **settings.of_scope("view", "lattice")}.items():
-        if value not in (held[name], usual.get(name, held[name])):
-            told = f"images = compact holds the paper's room with {name} = {held[name]}, not {value}"
-            raise UserError(f'{told}; use images="atlas", which needs PyBullet')
+        if value not in (held[name], default.get(name, held[name])):
+            held_only = f"images = compact holds the paper's room with {name} = {held[name]}, not {value}"
+            raise UserError(f'{held_only}; use images="atlas", which needs PyBullet')
     return atlas
 
 
@@ -196,7 +194,7 @@ def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
 
 def digest(room: Room, settings: Settings) -> str:
     """A hash over all that the bytes of an atlas depend on, in three parts: settings; room and code; packages."""
-    made_by = (features.bins_per_channel, features.histogram, Lattice, _axis, _render_block)
+    made_by = (features.bins_per_channel, features.histogram, Lattice, _axis, render)
     rendered_by = [Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("arena.py", "surfaces.py")]
     parts = (
         settings.of_scope("view", "lattice"),
@@ -213,14 +211,14 @@ def hashed(part: Any) -> str:
 
 @cache
 def _version(package: str) -> str:
-    return next((one.version for one in distributions(name=package)), "none")
+    return next((found.version for found in distributions(name=package)), "none")
 
 
-def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
+def read_stored(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
     """The arrays of a file; None if there is none, or, having said so, if it is damaged."""
     try:
         about, arrays = read_arrays(path)
-        if about != _seal(path, arrays):
+        if about != _checksum(path, arrays):
             raise DamagedFile(f"{path}: damaged file (not what was written under this name, or by an older version)")
     except FileNotFoundError:
         return None
@@ -231,57 +229,49 @@ def _read(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:
     return arrays
 
 
-def _seal(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+def _checksum(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """What is stored with arrays, by which they are known to be those that were written under this name."""
     parts = (repr((name, a.shape, a.dtype.str)).encode() + a.tobytes() for name, a in sorted(arrays.items()))
     return {"name": path.stem, "sha256": hashlib.sha256(b"".join(parts)).hexdigest()}
 
 
 def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
-    """Render blocks of columns in parallel, each kept as soon as it is done, then join them into one file."""
-    n, folder = Lattice(room, settings).nx, path.with_suffix("")
-    columns = [range(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK)]
-    blocks = {folder / f"{path.stem}-{some.start:04}-{some.stop:04}.npz": some for some in columns}
-    todo = [part for part in blocks if _read(part) is None]
+    """Render the columns of the lattice in parallel, and store them."""
+    columns = range(Lattice(room, settings).nx)
     begin: dict[str, Any] = {"initializer": init_worker, "initargs": (os.getpid(),)}
-    rendered = joblib.Parallel(workers, return_as="generator_unordered", **begin)(
-        joblib.delayed(_render_block)(part, blocks[part], room, settings) for part in todo
+    rendered = joblib.Parallel(workers, return_as="generator", **begin)(
+        joblib.delayed(render)(i, room, settings) for i in columns
     )
-    for _ in tqdm(rendered, f"atlas of room {room.name}", total=len(blocks), initial=len(blocks) - len(todo)):
-        pass
-    read = [read_arrays(part)[1] for part in blocks]
-    arrays = {name: np.concatenate([some[name] for some in read]) for name in read[0]}
-    write_bytes(path, npz_bytes(_seal(path, arrays), arrays))
-    shutil.rmtree(folder, ignore_errors=True)
+    parts = list(tqdm(rendered, f"atlas of room {room.name}", total=len(columns)))
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    write_bytes(path, npz_bytes(_checksum(path, arrays), arrays))
     return arrays
 
 
-def _render_block(part: Path, columns: range, room: Room, settings: Settings) -> None:
-    """All that can be seen, felt and touched from the columns of one block."""
+def render(i: int, room: Room, settings: Settings) -> dict[str, NDArray[Any]]:
+    """All that can be seen, felt and touched from one column of the lattice."""
     from homing_lib.arena import Arena
 
     lattice = Lattice(room, settings)
     pixels, bins = settings.image_size**2, 3 * features.bins_per_channel(settings.bin_size)
     counts, infrared, clearances = [], [], []
     with Arena(room, settings) as world:
-        for i in columns:
-            for j in range(lattice.ny):
-                x, y, _ = lattice.pose(i, j, 0)
-                clearances.append(world.clearance(x, y))
-                if clearances[-1] >= -lattice.margin:
-                    poses = [lattice.pose(i, j, k) for k in range(lattice.headings)]
-                    counts.append([world.histogram(pose) * pixels for pose in poses])
-                    infrared.append([world.infrared(pose) for pose in poses])
-    arrays = dict(
+        for j in range(lattice.ny):
+            x, y, _ = lattice.pose(i, j, 0)
+            clearances.append(world.clearance(x, y))
+            if clearances[-1] >= -lattice.margin:
+                poses = [lattice.pose(i, j, k) for k in range(lattice.headings)]
+                counts.append([world.histogram(pose) * pixels for pose in poses])
+                infrared.append([world.infrared(pose) for pose in poses])
+    return dict(
         counts=np.rint(counts).astype(np.min_scalar_type(pixels)).reshape(-1, lattice.headings, bins),
         infrared_m=np.reshape(infrared, (-1, lattice.headings, len(INFRARED_ANGLES_DEG))),
         clearance_m=np.reshape(clearances, (-1, lattice.ny)),
     )
-    write_bytes(part, npz_bytes(_seal(part, arrays), arrays))
 
 
-def _alone(path: Path) -> AbstractContextManager[Any]:
-    """Hold the right to build this file; whoever else wants it waits. It ends with the process, however that ends."""
+def _build_lock(path: Path) -> AbstractContextManager[Any]:
+    """The right to build this file; whoever else wants it waits. It ends with the process, however that ends."""
     lock = FileLock(path.with_suffix(".lock"))
     try:
         return lock.acquire(blocking=False)

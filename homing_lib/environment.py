@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from functools import cache
-from math import cos, isfinite, pi, radians, sin
+from math import cos, isfinite, pi, sin
 from operator import index
 from typing import Any, Literal
 
@@ -13,19 +12,12 @@ import numpy as np
 
 from homing_lib import atlas
 from homing_lib.errors import UserError, shown
-from homing_lib.features import (
-    Array,
-    CountedViews,
-    HomeModel,
-    bins_per_channel,
-    difference_variance,
-    histogram,
-    similarity,
-)
+from homing_lib.features import CountedViews, HomeModel, histogram, similarity
 from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.surfaces import Image
+from homing_lib.survey import free_pose, survey
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
@@ -65,7 +57,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         phi_i = exp(-(h_i - v_i)^2 / (2 sigma_i^2))    (12)        NRB = sum of phi_i / n    (15)
 
     At the first `reset` the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
-    which it has sigma^2 (9): `homing_lib.environment.survey`, with `survey_seed`. Environments of a process whose
+    which it has sigma^2 (9): `homing_lib.survey.survey`, with `survey_seed`. Environments of a process whose
     settings differ in nothing that it depends on share it, and `model` hands one over.
 
     ## Transition dynamics
@@ -171,13 +163,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
             self.world = self._arena = arena.Arena(self.room, settings)
         else:
-            open_one = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
-            self.world = self._atlas = open_one(self.room, settings)
+            open_ = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
+            self.world = self._atlas = open_(self.room, settings)
         self.model = model
         try:
             self.home = self.free("home", self.room.home if home is None else home)
-            usual = "uniform" if settings.start == "uniform" else self.room.start
-            self.start = self.start_pose(usual if start is None else start)
+            default = "uniform" if settings.start == "uniform" else self.room.start
+            self.start = self.start_pose(default if start is None else start)
         except UserError:
             self.close()
             raise
@@ -195,9 +187,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self.views = CountedViews(model, self._atlas.most, self._atlas.pixels)
 
     def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
-        """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.environment.survey`."""
+        """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.survey.survey`."""
         if self.model is None:
-            key = _seen_by(self.settings), self.room.description, self.home, repr(self._survey_seed)
+            seen = repr(self.settings.of_scope("view", "lattice", "survey"))
+            key = seen, self.room.description, self.home, repr(self._survey_seed)
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
                 _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)
@@ -287,7 +280,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
     def _require_elsewhere(self, model: HomeModel) -> None:
-        """UserError if home is everywhere: each of a hundred views from anywhere passes for it. Mostly one tells."""
+        """UserError if home is everywhere: each of a hundred views from anywhere passes for it."""
         rng = np.random.default_rng(0)
         views = (self.world.histogram(free_pose(self.world, self.room, rng)) for _ in range(100))
         if all(similarity(model.features(view)) >= self._psi_upper for view in views):
@@ -347,50 +340,9 @@ def reward(
     return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
 
 
-def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
-    """What the robot sees on `survey_steps` uniformly random actions from home, reflex included: shape (steps, 3 B)."""
-    robot = Robot(world, settings, home)
-    seen = np.empty((settings.survey_steps, 3 * bins_per_channel(settings.bin_size)))
-    for row in seen:
-        robot.act(int(rng.integers(3)), rng)
-        row[:] = world.histogram(robot.pose)
-    return seen
-
-
-def survey(
-    world: World, settings: Settings, home: Pose, rng: np.random.Generator, *, wander: Callable[..., Array] = wander
-) -> HomeModel:
-    """What the robot does by itself before it learns: look at home, then drive about at random (section III.A-B, E9).
-
-    It takes the snapshots (the first facing home, further ones `snapshot_angle_deg` to either side), wanders, and
-    estimates sigma^2 from all that it saw.
-    """
-    angle = radians(settings.snapshot_angle_deg)
-    turns = (0.0, angle, -angle)[: settings.snapshots]
-    snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
-    seen = wander(world, settings, home, rng)
-    floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
-    how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
-    return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))
-
-
-@cache
-def _seen_by(settings: Settings) -> str:
-    """What a survey depends on of the settings."""
-    return repr(settings.of_scope("view", "lattice", "survey"))
-
-
 def seed_of(what: str, seed: Any) -> Any:
     """A seed as Python's own number, or a SeedSequence as it is. Raises UserError for anything else, None too."""
     with suppress(TypeError):
         if isinstance(seed, np.random.SeedSequence) or index(seed) >= 0:
             return seed if isinstance(seed, np.random.SeedSequence) else index(seed)
     raise UserError(f"{what} = {shown(seed)}: must be 0, 1, 2, ...")
-
-
-def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:
-    """A pose drawn uniformly from those at which the body touches nothing."""
-    while True:
-        x, y = rng.uniform(0, room.size[0]), rng.uniform(0, room.size[1])
-        if world.clearance(x, y) >= 0:
-            return Pose(x, y, rng.uniform(-np.pi, np.pi))

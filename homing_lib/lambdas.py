@@ -1,21 +1,8 @@
 """The lambda of TD(lambda), chosen anew at every step: eq. (7) of the paper in its three forms, and other rules.
 
-A lambda *rule* is any function
-
-    rule(*, delta, phi, delta_prev, phi_prev, trace_prev, discount) -> float
-
-    delta, delta_prev    TD errors of this step and of the one before
-    phi, phi_prev        feature vectors of the two steps, shape (n,)
-    trace_prev           eligibility trace before this step, e_{t-1}, shape (n,)
-    discount             gamma
-
-that may leave to **_ what it does not need. It returns a ratio, which the learner resets to [0, 1] and counts. Where
-the ratio is undefined (0/0, x/0) it raises ZeroDivisionError or another ArithmeticError, and the learner's `on_zero`
-stands in (NumPy's own numbers raise nothing; `dot` gives plain ones). At the first step of an episode there is no
-previous step: lambda is 0 and the rule is not asked.
-
-A rule with a name, for settings and the command line, is added by `@register(...)` or `_derived(...)` where it
-is defined.
+A lambda *rule* is a function such as `fletcher_reeves`, which looks at two steps and returns a ratio; `LambdaRule` says
+of what, and what becomes of it. A rule with a name, for settings and the command line, is added by `@register(...)` or
+`_derived(...)` where it is defined.
 """
 
 from collections.abc import Callable
@@ -23,7 +10,7 @@ from dataclasses import dataclass
 from inspect import signature
 from math import isfinite
 from operator import neg
-from typing import Any, NamedTuple, SupportsFloat
+from typing import Any, NamedTuple, Protocol, SupportsFloat, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,17 +19,38 @@ from scipy.linalg.blas import ddot as dot  # x^T y as a float, in a third of the
 from homing_lib.errors import nearest, shown
 
 Array = npt.NDArray[np.float64]
-LambdaRule = Callable[..., float]
+
+
+class LambdaRule(Protocol):
+    """A function of keywords, of which it may leave to **_ what it does not need:
+
+    delta, delta_prev    TD errors of this step and of the one before
+    phi, phi_prev        feature vectors of the two steps, shape (n,)
+    trace_prev           eligibility trace before this step, e_{t-1}, shape (n,)
+    discount             gamma
+
+    It returns a ratio, which the learner resets to [0, 1] and counts. Where the ratio is undefined (0/0, x/0) it raises
+    ZeroDivisionError or another ArithmeticError, and the learner's `on_zero` stands in (NumPy's own numbers raise
+    nothing; `dot` gives plain ones). At the first step of an episode there is no previous step: lambda is 0 and the
+    rule is not asked.
+    """
+
+    def __call__(
+        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
+    ) -> float: ...
+
 
 TAKES_AND_RETURNS = (
     "a lambda rule is a function of the keywords delta, phi, delta_prev, phi_prev, trace_prev and discount (what it "
     "does not need may go to **_) that returns a finite number, such as lambdas.fletcher_reeves or Fixed(0.9)"
 )
 
+Rule = TypeVar("Rule", bound=LambdaRule)
+
 RULES: dict[str, LambdaRule] = {}  # those that settings know by name
 
 
-def register(name: str) -> Callable[[LambdaRule], LambdaRule]:
+def register(name: str) -> Callable[[Rule], Rule]:
     """A decorator that lists a rule in RULES."""
     return lambda rule: RULES.update({name: rule}) or rule
 
@@ -166,7 +174,7 @@ class Fixed:
 
 
 class LambdaSpec(NamedTuple):
-    """What a learner is told of lambda: the rule, `on_zero`, `clip`. str() is its name, which `lambda_spec` reads."""
+    """A learner's settings that concern lambda. str() is their name, which `lambda_spec` reads."""
 
     name: str
     rule: LambdaRule
@@ -179,7 +187,7 @@ class LambdaSpec(NamedTuple):
 
 
 def lambda_spec(text: str) -> LambdaSpec:
-    """The choice of this name: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
+    """The settings of this name: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
 
     ValueError, in one line, for a name or an option that does not exist.
     """
@@ -213,8 +221,8 @@ def checked(rule: LambdaRule) -> LambdaRule:
     try:
         signature(rule).bind(delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0)
     except TypeError as error:
-        told = f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}"
-        raise TypeError(f"{told}; {TAKES_AND_RETURNS}") from None
+        refused = f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}"
+        raise TypeError(f"{refused}; {TAKES_AND_RETURNS}") from None
     except ValueError:
         pass  # one of C, which keeps its signature to itself
     return rule

@@ -26,10 +26,10 @@ class Pose(NamedTuple):
     heading: float
 
 
-def _in_radians(told: Any) -> Any:
-    """A pose as it is, or as a file tells it, with a heading in degrees."""
+def _in_radians(pose: Any) -> Any:
+    """A pose as it is, or from [x, y, heading in degrees], as a file has it."""
     try:
-        return told if isinstance(told, Pose) else Pose(told[0], told[1], radians(*told[2:]))
+        return pose if isinstance(pose, Pose) else Pose(pose[0], pose[1], radians(*pose[2:]))
     except (TypeError, LookupError):
         raise ValueError("must be [x, y, heading in degrees]") from None
 
@@ -127,7 +127,7 @@ class Room:
             raise ValueError(f"home_objects: no object has the name {unknown.pop()}")
 
 
-def _described(file: Path) -> dict[str, Room]:
+def read_rooms(file: Path) -> dict[str, Room]:
     """The rooms of such a file, by name. Raises UserError, in one line, if it is not there or not right."""
     rooms, where, entries = {}, "", dict[str, Any]()
     try:
@@ -139,8 +139,8 @@ def _described(file: Path) -> dict[str, Room]:
             entries[name] = {**like, **entry, "walls": walls, "objects": objects}
             rooms[name] = Room(name=name, **entries[name])
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        told = " ".join(_problem(error).split())[:300]
-        raise UserError(f"{file}: {where}{told}; mend it, or restore it with git") from None
+        problem = " ".join(_problem(error).split())[:300]
+        raise UserError(f"{file}: {where}{problem}; mend it, or restore it with git") from None
     return rooms
 
 
@@ -150,13 +150,13 @@ def _problem(error: Exception) -> str:
         return f"must be a table, with walls a table, objects a list and like the name of a room above: {error}"
     if not isinstance(error, ValidationError):
         return f"like = {error}: no room above has this name" if isinstance(error, KeyError) else str(error)
-    found = error.errors()
-    mistakes = Counter(one["loc"][:3] for one in found)
-    first = min(found, key=lambda one: (mistakes[one["loc"][:3]], one["type"] != "unexpected_keyword_argument"))
+    mistakes = error.errors()
+    per_shape = Counter(mistake["loc"][:3] for mistake in mistakes)
+    first = min(mistakes, key=lambda it: (per_shape[it["loc"][:3]], it["type"] != "unexpected_keyword_argument"))
     return f"{'.'.join(map(str, first['loc']))}: {first['msg'].removeprefix('Value error, ')}".removeprefix(": ")
 
 
-ROOMS = _described(Path(__file__).with_suffix(".toml"))
+ROOMS = read_rooms(Path(__file__).with_suffix(".toml"))
 
 
 def room_named(name: str) -> Room:

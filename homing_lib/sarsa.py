@@ -1,10 +1,14 @@
-"""The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (17), (18).
+"""The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (1), (17), (18).
 
-    LinearSarsa    Sarsa(lambda_t), on-policy: every equation of learning stands here, once
-    LinearQ        Watkins's Q(lambda_t), off-policy
+    td_error, decayed, dutch    its equations, each to be called by itself
+    LinearSarsa                 Sarsa(lambda_t), on-policy: the update, once
+    LinearQ                     Watkins's Q(lambda_t), off-policy
 
-Either is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
+Either learner is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
 (actions, n). TD prediction itself (`td`) is the same update with one action.
+
+A name that ends in `_tm1` belongs to the state that a step leaves, one in `_t` to what the step leads to (the paper's
+t and t + 1).
 """
 
 from math import inf, isfinite, sqrt
@@ -19,7 +23,7 @@ from scipy.linalg.blas import ddot as dot
 from homing_lib.errors import shown
 from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
 
-Traces = Literal["accumulating", "replacing", "dutch"]
+Traces = Literal["accumulating", "dutch"]
 Update = Literal["taken", "all"]
 
 silent = np.errstate(all="ignore")  # a decorator: NumPy's warnings of overflow add nothing to what `Diverged` says
@@ -36,19 +40,41 @@ class Diverged(ArithmeticError):
         return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
 
 
+def td_error(q_tm1: float, r_t: float, discount: float, q_t: float) -> float:
+    """Eq. (1): what the step brought, and what is now expected, less what was expected.
+
+        delta = r_t + gamma Q(s_t, a_t) - Q(s_tm1, a_tm1)
+
+    q_t: 0 after the last step of an episode.
+    """
+    return r_t + discount * q_t - q_tm1
+
+
+def decayed(trace: Array, discount: float, lambda_t: float) -> Array:
+    """Eq. (17) before the features of this step are added: gamma lambda_t e, a new array of the same shape."""
+    return discount * lambda_t * trace
+
+
+def dutch(phi_tm1: Array, trace: Array, step_size: float) -> Array:
+    """What true online learning adds to the decayed trace in place of phi: (1 - alpha e^T phi) phi, shape (n,).
+
+    van Seijen et al., True online temporal-difference learning, JMLR 17 (2016).
+    """
+    return (1 - step_size * dot(trace, phi_tm1)) * phi_tm1
+
+
 class LinearSarsa:
     """Sarsa(lambda_t): the learning of Fig. 2. Choosing actions and features is the caller's. Settings:
 
     step_size           alpha, may be set between steps
     discount            gamma
-    lambda_rule         see `lambdas`
+    lambda_rule         see `lambdas.LambdaRule`
     initial_weight      theta_0
     clip                reset a lambda outside [0, 1] to the nearer bound, as the paper asks (II.B). Such a step no
                         longer follows the conjugate direction; `clipped` says so
     on_zero             the lambda where the rule's ratio is undefined (E13: the paper is silent, and the choice
                         matters). 0 starts the direction afresh, as conjugate gradient does
-    traces              "accumulating": eq. (17). "replacing": a feature that is not zero sets its trace instead of
-                        adding to it. "dutch": true online learning (van Seijen et al., JMLR 17, 2016)
+    traces              "accumulating": eq. (17). "dutch": true online learning, see `td.TrueOnlineTD`
     update              "taken": eq. (18) as printed, only the weights of the action taken change. "all": the
                         standard, every action's weights change by its trace. By default "taken", but "all" with
                         dutch traces, which are exact only so
@@ -115,7 +141,7 @@ class LinearSarsa:
 
     def begin_episode(self) -> None:
         """Clear the trace and forget the step before; the weights stay."""
-        self.lambda_, self.clipped, self._q_ahead = 0.0, False, 0.0  # the last: q_next of the step before
+        self.lambda_, self.clipped, self._q_ahead = 0.0, False, 0.0  # the last: q_t of the step before
         self._restart()
 
     def _restart(self) -> None:
@@ -145,36 +171,29 @@ class LinearSarsa:
         a_next = self._action("next_action", next_action) if follows else a
         return self.learn(x, a, finite("reward", reward), x_next, a_next, terminal)
 
-    def learn(self, phi: Array, a: int, reward: float, phi_next: Array, next_action: int, terminal: bool) -> float:
+    def learn(self, phi_tm1: Array, a_tm1: int, r_t: float, phi_t: Array, a_t: int, terminal: bool) -> float:
         """`update` without its checks, for whoever has made sure of shapes and actions."""
-        theta, alpha, gamma = self._theta, self._step_size, self.discount
-        phi_sa = np.zeros(theta.shape)  # phi(s_t, a_t), a new array at each step: E12
-        phi_sa[a] = phi
+        alpha, discount = self._step_size, self.discount
+        q_tm1 = linear("phi", self._theta_of[a_tm1], phi_tm1)
+        q_t = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_t, a_t)
+        delta = td_error(q_tm1, r_t, discount, q_t)  # (1)
 
-        q = linear("phi", self._theta_of[a], phi)
-        q_next = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_next, next_action)
-        delta = reward + gamma * q_next - q  # eq. (1)
+        phi_sa = np.zeros(self._theta.shape)  # phi(s_tm1, a_tm1), a new array at each step: E12
+        phi_sa[a_tm1] = phi_tm1
+        lambda_t = self._lambda(delta, phi_sa.ravel())  # (7)
 
-        lambda_t = self._lambda(delta, phi_sa.ravel())  # eq. (7)
+        self._e = e = decayed(self._e, discount, lambda_t)  # (17), of every action
+        e_a = e[a_tm1]
+        e_a += phi_tm1 if self.traces == "accumulating" else dutch(phi_tm1, e_a, alpha)
 
-        e = gamma * lambda_t * self._e  # eq. (17), for every action
-        e_a = e[a]
-        if self.traces == "accumulating":
-            e_a += phi  # eq. (17), for the action taken
-        elif self.traces == "replacing":
-            np.copyto(e, phi_sa, where=phi_sa != 0)
-        else:
-            e_a += (1 - alpha * dot(e_a, phi)) * phi
-        self._e = e
+        moves = a_tm1 if self.updates == "taken" else slice(None)  # whose weights
+        change = alpha * delta * e[moves]  # (18)
+        if self.traces == "dutch":  # the value grew by q_tm1 - q_ahead since the step before looked ahead to it
+            change += alpha * (q_tm1 - self._q_ahead) * (e - phi_sa)[moves]
+        theta = self._theta[moves]
+        theta += change
 
-        if self.updates == "taken":
-            theta, e, phi_sa = self._theta_of[a], e_a, phi
-        change = alpha * delta * e
-        if self.traces == "dutch":  # the value grew by q - q_ahead since the step before looked ahead to it
-            change += alpha * (q - self._q_ahead) * (e - phi_sa)
-        theta += change  # eq. (18)
-
-        self._q_ahead = q_next
+        self._q_ahead = q_t
         self._changed_by(change.ravel())
         return delta
 
@@ -182,32 +201,32 @@ class LinearSarsa:
         """lambda_t by the rule, guarded and clipped; 0 at the first step. This step then becomes the step before."""
         self.lambda_, self.clipped = 0.0, False
         if self._step_before is not None:
-            (delta_prev, phi_prev), e, gamma = self._step_before, self._e.ravel(), self.discount
+            (delta_prev, phi_prev), e, discount = self._step_before, self._e.ravel(), self.discount
             try:
                 ratio = self.lambda_rule(
-                    delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma
+                    delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=discount
                 )
             except ArithmeticError:
                 ratio = self.on_zero
-            self.lambda_ = ratio if type(ratio) is float and isfinite(ratio) else self._sound(ratio, delta)
+            self.lambda_ = ratio if type(ratio) is float and isfinite(ratio) else self._plain(ratio, delta)
             if self.clip and not 0 <= self.lambda_ <= 1:
                 self.lambda_, self.clipped = min(max(0.0, self.lambda_), 1.0), True
         self._step_before = delta, phi
         return self.lambda_
 
-    def _sound(self, ratio: Any, delta: float) -> float:
+    def _plain(self, ratio: Any, delta: float) -> float:
         """The ratio as a float, or ValueError, in one line, if the rule returned no finite number."""
         if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
             return self.on_zero
-        told = f"lambda rule {name_of(self.lambda_rule)} returned {' '.join(repr(ratio)[:60].split())}"
+        returned = f"lambda rule {name_of(self.lambda_rule)} returned {' '.join(repr(ratio)[:60].split())}"
         why = " (NumPy's numbers divide by 0)" if isinstance(ratio, np.floating) else ""
-        raise ValueError(f"{told}{why}; {TAKES_AND_RETURNS}")
+        raise ValueError(f"{returned}{why}; {TAKES_AND_RETURNS}")
 
-    def _value_ahead(self, phi_next: Array, next_action: int) -> float:
-        """The value that the TD error looks ahead to: Q(s_{t+1}, a_{t+1})."""
-        return linear("phi_next", self._theta_of[next_action], phi_next)
+    def _value_ahead(self, phi_t: Array, a_t: int) -> float:
+        """The value that the TD error looks ahead to: Q(s_t, a_t)."""
+        return linear("phi_next", self._theta_of[a_t], phi_t)
 
     def _changed_by(self, change: Array) -> None:
         """Note a change just made to the weights, and see that they are still finite."""
@@ -254,10 +273,10 @@ class LinearQ(LinearSarsa):
             self._restart()
         return delta
 
-    def _value_ahead(self, phi_next: Array, next_action: int) -> float:
-        """max over a of Q(s_{t+1}, a); notes whether the next action is one that attains it."""
-        values = np.array(self.value_list(phi_next, "phi_next"))
-        self._cut = bool(values[next_action] < values.max())
+    def _value_ahead(self, phi_t: Array, a_t: int) -> float:
+        """max over a of Q(s_t, a); notes whether the next action is one that attains it."""
+        values = np.array(self.value_list(phi_t, "phi_next"))
+        self._cut = bool(values[a_t] < values.max())
         return float(values.max())
 
 

@@ -19,7 +19,7 @@ from homing_lib.errors import UserError, nearest, shown
 from homing_lib.features import Array, Centre, Variance, bins_per_channel
 from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import room_named
-from homing_lib.sarsa import Traces, Update
+from homing_lib.sarsa import Update
 
 _Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.lambda_spec(text)))]
 _Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
@@ -68,7 +68,7 @@ class Settings(BaseModel):
     # --- The algorithm (Fig. 2) ----------------------------------------------------------------------------------
     lambda_rule: _Rule = _field("fletcher-reeves", "Eq. (7), Fig. 2: form 2; others: `lambdas.lambda_spec`", "form 2")
     theta0: float = _field(1.0, "Fig. 2: initial value of every weight", "1")
-    traces: Traces = _field("accumulating", "Eq. (17)", "accumulating")
+    traces: Literal["accumulating"] = _field("accumulating", "Eq. (17)", "accumulating")
     update: Update = _field("taken", "Eq. (18): weights of the taken action, or of all as is standard", "taken")
     bootstrap_terminal: bool = _field(True, "Fig. 2 has no terminal case: home is valued like any view", "True")
     overwrite_features: bool = _field(False, "Fig. 2 overwrites phi_t before keeping it: phi_(t-1) = phi_t", "True")

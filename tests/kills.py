@@ -1,46 +1,45 @@
-"""Kill a small sweep at random moments, start it again, and see that nothing is lost: `python -m tests.kills [KILLS]`.
-
-Killed with -9 is everything at once, the parent of the workers alone, or one worker alone. After each kill, every file
-that stood before stands untouched, and every whole file has the bytes of a sweep that nobody disturbed. A sweep that
-comes to its end has left exactly those files, and another one begins.
-"""
+"""A small sweep in processes of its own, to be killed and interrupted; `python -m tests.kills FOLDER [OPTION...]`."""
 
 import os
-import random
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import cycle
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import psutil
 
 from homing_lib.publish.cli import main
 from homing_lib.settings import Settings
-from homing_lib.study import measures, runs, studies
-from homing_lib.study.runs import Study, sweep
+from homing_lib.study import runs, studies
+from homing_lib.study.runs import Study
+from homing_lib.study.sweep import sweep
 
 ROOT = Path(__file__).parent.parent
-SMALL = Settings(episodes=2, survey_steps=60, max_steps=40, image_size=16, bin_size=32)
+COMMAND = "sweep"
+
+Process = subprocess.Popen[str]
+Contents = dict[str, bytes]
+
+
+def slowly(settings: Settings, seed: int) -> runs.Columns:
+    """A measure that takes its time, and no robot."""
+    time.sleep(0.2)
+    return {"number": np.array([seed, settings.alpha0]), "late": np.array([False, True])}
+
+
 STUDY = Study(
     "small",
     "To be killed.",
-    {"form 2": SMALL, "random": Settings(images="compact", controller="random", episodes=2, max_steps=40)},
+    {"alone": Settings(), "together": Settings(images="compact"), "again": Settings()},
     (0, 1, 2, 10, 11),
-    measures.curve,
+    slowly,
 )
-"""Of its files five hold a run that the camera made, and two some runs on an atlas."""
-
-VICTIMS = (("everything", 1), ("the parent", 2), ("one worker", 2), ("everything", 2))
-"""Who is killed, and how many workers there are, in turns."""
-
-Contents = dict[str, bytes]
+"""Of its files five hold one run each, and two hold three and two runs."""
 
 
 def contents(folder: Path) -> Contents:
@@ -59,12 +58,6 @@ def leftovers(folder: Path) -> list[Path]:
     return list(folder.rglob(".*.part*"))
 
 
-def place_of(study: Study, number: int) -> Path:
-    """Where the file is stored that is made as the first (0), the second (1), ..."""
-    settings, seeds = study.jobs()[number]
-    return runs.path_of(study.folder, settings, *seeds)
-
-
 @contextmanager
 def stored_in(folder: Path) -> Iterator[None]:
     """Studies are stored below this folder."""
@@ -76,17 +69,18 @@ def stored_in(folder: Path) -> Iterator[None]:
         runs.DATA, runs.SCRATCH = before
 
 
-def undisturbed(folder: Path) -> Contents:
-    """What the study stores if nobody disturbs it."""
+def undisturbed(folder: Path, study: Study = STUDY) -> Contents:
+    """What a study stores if nobody disturbs it."""
     with stored_in(folder):
-        sweep(STUDY, workers=1)
+        sweep(study, workers=1)
     return contents(folder)
 
 
-def start(folder: Path, *arguments: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
-    """`homing data` of the study in a process group of its own, on a slow disk. Returns when it begins."""
+@contextmanager
+def started(folder: Path, *options: str, environment: Mapping[str, str] | None = None) -> Iterator[Process]:
+    """The command that computes the study, in a process group of its own; nothing of it is left in the end."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.kills", "--sweep", str(folder), *arguments],
+        [sys.executable, "-m", "tests.kills", str(folder), *options],
         cwd=ROOT,
         env=environment,
         stdout=subprocess.PIPE,
@@ -94,27 +88,15 @@ def start(folder: Path, *arguments: str, environment: Mapping[str, str] | None =
         text=True,
         start_new_session=True,
     )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n", process.communicate()
-    return process
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
 
 
-def _swept(folder: Path, arguments: list[str]) -> int:
-    quick = Path.write_bytes
-
-    def slow(path: Path, content: bytes) -> int:
-        quick(path, content[: len(content) // 2])
-        time.sleep(0.06)
-        return quick(path, content)
-
-    Path.write_bytes = slow  # type: ignore[method-assign, assignment]
-    studies.in_order = lambda: iter([STUDY])
-    with stored_in(folder):
-        print("ready", flush=True)
-        return main(["data", STUDY.name, *arguments])
-
-
-def workers_of(process: subprocess.Popen[str]) -> list[int]:
+def workers_of(process: Process) -> list[int]:
     """The processes that compute for a sweep."""
     found = []
     for child in psutil.Process(process.pid).children():
@@ -124,86 +106,27 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
     return found
 
 
-def end(process: subprocess.Popen[str]) -> None:
-    """Leave nothing of a sweep running."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
+def lives(process: int) -> bool:
+    """Whether it is still at work."""
+    return psutil.pid_exists(process) and psutil.Process(process).status() != psutil.STATUS_ZOMBIE
 
 
-def last_line(errors: str) -> str:
-    """What stands below the progress."""
-    return errors.strip().rpartition("\n")[2].rpartition("\r")[2]
+def wait_for(what: Callable[[], Any], seconds: float = 60) -> None:
+    """Until it is so."""
+    deadline = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
 
 
-def torment(folder: Path, kills: int, seed: int = 0) -> Counter[str]:
-    """Kill so many times; raises AssertionError if anything is lost. Returns what happened how often."""
-    rng, done = random.Random(seed), Counter[str]()
-    began = time.monotonic()
-    whole = undisturbed(folder / "undisturbed")
-    duration = time.monotonic() - began
-    disturbed = folder / "disturbed"
-    for number, (victim, workers) in enumerate(cycle(VICTIMS), 1):
-        before = written(disturbed)
-        process = start(disturbed, "--workers", str(workers))
-        moment = rng.uniform(0, duration + workers)
-        try:
-            code, errors = _kill(process, victim, moment)
-        finally:
-            end(process)
-        after, left = written(disturbed), leftovers(disturbed)
-        assert before.items() <= after.items(), "a stored run was lost or written again"
-        assert contents(disturbed).items() <= whole.items(), "a file differs from that of the undisturbed sweep"
-        if code == 0:
-            assert contents(disturbed) == whole, "the sweep ended without all of its files"
-            assert not left, "what was being written was not cleared away"
-            shutil.rmtree(disturbed)
-            done["sweeps ended"] += 1
-            print(f"{number:4}. ended with {len(after)} files and the same bytes as undisturbed", flush=True)
-        else:
-            done["kills"] += 1
-            done[victim] += 1
-            done["found in mid-write"] += bool(left)
-            state = f"{len(after)} of {len(STUDY.jobs())} files stored" + ", one in mid-write" * bool(left)
-            print(f"{number:4}. killed {victim} after {moment:.2f} s: {state}", flush=True)
-            if victim == "one worker":
-                assert code == 1, errors
-                assert last_line(errors).startswith("homing: a worker process was killed"), errors
-        if done["kills"] == kills:
-            break
-    with stored_in(disturbed):
-        sweep(STUDY, workers=1)
-    assert contents(disturbed) == whole
-    assert not leftovers(disturbed)
-    return done
-
-
-def _kill(process: subprocess.Popen[str], victim: str, moment: float) -> tuple[int, str]:
-    """Kill at a moment, or, a worker, as soon as there is one. Returns the exit code and the errors."""
-    deadline = time.monotonic() + moment
-    while process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.002)
-    if victim == "everything" and process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-    elif victim == "the parent":
-        process.kill()
-    else:
-        while process.poll() is None and not (workers := workers_of(process)):
-            time.sleep(0.002)
-        if process.poll() is None:
-            with suppress(ProcessLookupError):
-                os.kill(workers[0], signal.SIGKILL)
-    if victim != "one worker":
-        process.wait()
-        end(process)  # its workers hold its pipes open
-        return process.returncode, ""
-    _, errors = process.communicate(timeout=120)
-    return process.returncode, errors
+def said(errors: str) -> list[str]:
+    """The lines of standard error, but for the progress."""
+    return [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "small: runs:" not in line]
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--sweep"]:
-        sys.exit(_swept(Path(sys.argv[2]), sys.argv[3:]))
-    with tempfile.TemporaryDirectory() as temporary:
-        happened = torment(Path(temporary), int(sys.argv[1]) if sys.argv[1:] else 100)
-    print("nothing was lost: " + ", ".join(f"{name} {times}" for name, times in happened.items()))
+    from tests import kills  # so that workers find the measure under its name
+
+    studies.in_order = lambda: iter([kills.STUDY])
+    with stored_in(Path(sys.argv[1])):
+        sys.exit(main([COMMAND, STUDY.name, *sys.argv[2:]]))

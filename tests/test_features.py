@@ -1,18 +1,17 @@
+"""Eqs. (8)-(15): histograms, sigma^2, features and their mean."""
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from homing_lib.features import HomeModel, bins_per_channel, difference_variance, histogram, similarity
+from homing_lib.features import CountedViews, HomeModel, bins_per_channel, difference_variance, histogram, similarity
 from homing_lib.settings import Settings
-
-# Eq. (14), (11): histograms
 
 
 def test_bins_of_three_give_the_258_features_of_eq_14_and_three_snapshots_three_times_as_many():
-    assert 3 * bins_per_channel(3) == 258
-    assert Settings().n_features == 258
+    assert 3 * bins_per_channel(3) == Settings().n_features == 258
     assert Settings(snapshots=3).n_features == 774
 
 
@@ -27,18 +26,11 @@ def test_bins_of_every_size_cover_all_256_intensities(bin_size):
     np.testing.assert_array_equal(shares, [expected] * 3)
 
 
-def test_a_histogram_of_four_pixels_is_the_one_counted_by_hand():
+def test_a_histogram_of_four_pixels_is_the_one_counted_by_hand_and_a_fourth_channel_does_not_count():
     # red 0, 0, 127, 128; green all 255; blue 0, 64, 128, 192; bins of 128: 0..127, 128..255 and an empty third
-    red_green_blue = [[(0, 255, 0), (0, 255, 64)], [(127, 255, 128), (128, 255, 192)]]
-    image = np.array(red_green_blue, dtype=np.uint8)
+    pixels = [[(0, 255, 0, 255), (0, 255, 64, 0)], [(127, 255, 128, 9), (128, 255, 192, 0)]]
     expected = [3 / 4, 1 / 4, 0, 0, 1, 0, 1 / 2, 1 / 2, 0]
-    np.testing.assert_array_equal(histogram(image, 128), expected)
-
-
-def test_the_fourth_channel_of_an_image_does_not_count():
-    image = np.zeros((2, 2, 4), dtype=np.uint8)
-    image[:, :, 3] = 255
-    np.testing.assert_array_equal(histogram(image, 128), [1, 0, 0] * 3)
+    np.testing.assert_array_equal(histogram(np.array(pixels, dtype=np.uint8), 128), expected)
 
 
 @given(
@@ -49,35 +41,24 @@ def test_the_bins_of_each_channel_sum_to_one(image, bin_size):
     assert channels.sum(axis=1) == pytest.approx([1, 1, 1])
 
 
-# Eq. (9), (10): sigma^2
-
-
 SEEN = np.array([[0.0, 0.5], [0.2, 0.5], [0.4, 0.2]])
-SNAPSHOT = np.array([[0.1, 0.3]])
+SNAPSHOTS = np.array([[0.1, 0.3], [0.2, 0.4]])
 
 
 @pytest.mark.parametrize(
     ("variance", "centre", "expected"),
     [
-        # mean .2 and .4: squares .04 + 0 + .04 and .01 + .01 + .04, over 2
-        ("per-bin", "mean", [0.04, 0.03]),
-        ("pooled", "mean", [0.035, 0.035]),
-        # from .1 and .3: squares .01 + .01 + .09 and .04 + .04 + .01, over 2
-        ("per-bin", "zero", [0.055, 0.045]),
-        ("pooled", "zero", [0.05, 0.05]),
+        # mean .2 and .4, whatever the snapshot: squares .04 + 0 + .04 and .01 + .01 + .04, over 2
+        ("per-bin", "mean", [[0.04, 0.03], [0.04, 0.03]]),
+        ("pooled", "mean", [[0.035, 0.035], [0.035, 0.035]]),
+        # from .1 and .3: squares .01 + .01 + .09 and .04 + .04 + .01, over 2; the second snapshot is the mean
+        ("per-bin", "zero", [[0.055, 0.045], [0.04, 0.03]]),
+        ("pooled", "zero", [[0.0425, 0.0425], [0.0425, 0.0425]]),
     ],
 )
 def test_the_four_readings_of_sigma_squared_are_those_worked_by_hand(variance, centre, expected):
-    sigma2 = difference_variance(SEEN, SNAPSHOT, variance=variance, centre=centre, floor=1e-9)
-    assert sigma2 == pytest.approx(np.array([expected]))
-
-
-def test_about_the_mean_sigma_squared_is_the_same_for_every_snapshot_and_about_zero_it_is_not():
-    snapshots = np.array([[0.1, 0.3], [0.2, 0.4]])
-    about_mean = difference_variance(SEEN, snapshots, variance="per-bin", centre="mean", floor=1e-9)
-    about_zero = difference_variance(SEEN, snapshots, variance="per-bin", centre="zero", floor=1e-9)
-    assert about_mean == pytest.approx(np.array([[0.04, 0.03], [0.04, 0.03]]))
-    assert about_zero == pytest.approx(np.array([[0.055, 0.045], [0.04, 0.03]]))
+    sigma2 = difference_variance(SEEN, SNAPSHOTS, variance=variance, centre=centre, floor=1e-9)
+    assert sigma2 == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize("centre", ["mean", "zero"])
@@ -87,65 +68,50 @@ def test_a_bin_that_never_varied_gets_the_floor_and_the_others_keep_theirs(centr
     assert sigma2 == pytest.approx(np.array([[1e-4, 0.02]]))
 
 
-def test_one_view_is_too_few_for_a_variance():
-    with pytest.raises(ValueError, match="1 views: at least 2 are needed"):
-        difference_variance(SEEN[:1], SNAPSHOT, variance="pooled", centre="mean", floor=1e-9)
-
-
-# Eq. (8), (12), (13), (15): features and their mean
-
-
-def test_features_are_those_of_eq_8_worked_by_hand():
-    model = HomeModel(np.array([[0.5, 0.5]]), np.array([[0.02, 0.08]]))
-    # differences .2 and -.4: exp(-.04 / .04) and exp(-.16 / .16)
-    assert model.features(np.array([0.7, 0.1])) == pytest.approx([np.exp(-1), np.exp(-1)])
-    # differences 0 and .2: exp(0) and exp(-.04 / .16)
-    assert model.features(np.array([0.5, 0.7])) == pytest.approx([1, np.exp(-1 / 4)])
-
-
-def test_the_features_of_several_snapshots_stand_in_a_row():
-    model = HomeModel(np.array([[0.5, 0.5], [0.7, 0.3], [0.9, 0.1]]), np.full((3, 2), 0.02))
-    assert model.n_features == 6
-    # differences from .7, .3: .2, -.2; 0, 0; -.2, .2
-    phi = model.features(np.array([0.7, 0.3]))
-    assert phi == pytest.approx([np.exp(-1), np.exp(-1), 1, 1, np.exp(-1), np.exp(-1)])
-    assert similarity(phi) == pytest.approx((4 * np.exp(-1) + 2) / 6)
+def test_the_features_of_several_snapshots_stand_in_a_row_as_worked_by_hand():
+    model = HomeModel(np.array([[0.5, 0.5], [0.7, 0.3]]), np.array([[0.02, 0.08], [0.02, 0.02]]))
+    assert model.n_features == 4
+    view = np.array([0.7, 0.1])
+    # from the first .2 and -.4: exp(-.04 / .04), exp(-.16 / .16); from the second 0 and -.2: 1, exp(-.04 / .04)
+    phi = model.features(view)
+    assert phi == pytest.approx([np.exp(-1), np.exp(-1), 1, np.exp(-1)])
+    assert similarity(phi) == pytest.approx((3 * np.exp(-1) + 1) / 4)
+    np.testing.assert_array_equal(view, [0.7, 0.1])
+    assert not np.shares_memory(phi, model.features(view))
 
 
 shares = arrays(np.float64, 6, elements=st.floats(0, 1))
 
 
-@given(view=shares, snapshot=shares, sigma2=st.floats(1e-9, 1))
-def test_features_lie_in_the_unit_interval_and_so_does_their_mean(view, snapshot, sigma2):
-    phi = HomeModel(snapshot[None], np.full((1, 6), sigma2)).features(view)
+@given(view=shares, snapshot=shares, sigma2=st.floats(1e-9, 0.5))
+def test_features_lie_in_the_unit_interval_are_one_at_home_and_no_less_where_sigma_is_wider(view, snapshot, sigma2):
+    narrow, wide = (HomeModel(snapshot[None], np.full((1, 6), variance)) for variance in (sigma2, 2 * sigma2))
+    phi = narrow.features(view)
     assert phi.shape == (6,)
-    assert (phi >= 0).all()
-    assert (phi <= 1).all()
-    assert 0 <= similarity(phi) <= 1
+    assert ((phi >= 0) & (phi <= 1)).all()
+    assert 0 <= similarity(phi) <= similarity(wide.features(view)) <= 1
+    assert similarity(narrow.features(snapshot)) == 1
 
 
-@given(snapshot=shares, sigma2=st.floats(1e-9, 1))
-def test_the_similarity_is_exactly_one_at_the_snapshot(snapshot, sigma2):
-    model = HomeModel(snapshot[None], np.full((1, 6), sigma2))
-    assert similarity(model.features(snapshot)) == 1
+@given(
+    counts=arrays(np.int64, 6, elements=st.integers(0, 16)),
+    homes=arrays(np.int64, st.tuples(st.integers(1, 2), st.just(6)), elements=st.integers(0, 16)),
+    variance=st.sampled_from([0.01, np.arange(1, 7) / 100]),
+    pixels=st.sampled_from([16, 17]),
+)
+def test_features_of_counted_views_are_those_of_their_shares_to_the_bit(counts, homes, variance, pixels):
+    model = HomeModel(homes / pixels, np.broadcast_to(variance, homes.shape).copy())
+    views = CountedViews(model, np.full(6, 16), pixels)
+    np.testing.assert_array_equal(views.features(counts), model.features(counts / pixels))
 
 
-@given(view=shares, snapshot=shares)
-def test_a_wider_sigma_never_makes_a_view_less_similar(view, snapshot):
-    narrow, wide = (HomeModel(snapshot[None], np.full((1, 6), sigma2)) for sigma2 in (0.01, 0.04))
-    assert similarity(narrow.features(view)) <= similarity(wide.features(view))
-
-
-def test_features_leave_the_histogram_and_the_model_as_they_were():
-    model, view = HomeModel(SNAPSHOT.copy(), np.full((1, 2), 0.02)), np.array([0.7, 0.1])
-    first = model.features(view)
-    np.testing.assert_array_equal(view, [0.7, 0.1])
-    np.testing.assert_array_equal(model.snapshots, SNAPSHOT)
-    second = model.features(view)
-    np.testing.assert_array_equal(first, second)
-    assert not np.shares_memory(first, second)
-
-
-def test_a_model_whose_shapes_disagree_is_refused_with_both():
-    with pytest.raises(ValueError, match=r"snapshots \(1, 2\) and variance \(2,\): both must be \(m, 3 B\)"):
-        HomeModel(SNAPSHOT, np.ones(2))
+@pytest.mark.parametrize(
+    ("attempt", "line"),
+    [
+        (lambda: difference_variance(SEEN[:1], SNAPSHOTS, variance="pooled", centre="mean", floor=1), "1 views: .* 2"),
+        (lambda: HomeModel(SNAPSHOTS, np.ones(2)), r"snapshots \(2, 2\) and variance \(2,\): both must be \(m, 3 B\)"),
+    ],
+)
+def test_what_gives_no_features_is_refused(attempt, line):
+    with pytest.raises(ValueError, match=line):
+        attempt()

@@ -1,102 +1,106 @@
-"""Figures are functions of their data, and their files of the figures."""
+"""A figure's file depends on its data alone, and its colours and marks can be told apart by all who see it."""
+
+import os
+import subprocess
+import sys
+from itertools import combinations
 
 import matplotlib
 
 matplotlib.use("Agg")
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 
-from homing_lib.errors import UserError
-from homing_lib.publish import figures
-from homing_lib.publish.drawing import TEXT_WIDTH, in_sight
-from homing_lib.rooms import ROOMS
-from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import Interval
-from homing_lib.thresholds import Thresholds
-from tests.test_plots import PLOTS as OF_STUDIES
+from homing_lib.publish import charts, figures, forests, style
+from homing_lib.storage import ROOT
+from homing_lib.study import findings, studies
+from homing_lib.study.questions.rooms import CALIBRATED_IN
 
-RNG = np.random.default_rng(3)
-IMAGE = RNG.integers(0, 255, (8, 8, 4), dtype=np.uint8)
-PSI = Thresholds(0.9, 0.8)
-WAY = RNG.uniform(0.2, 0.8, (6, 2))
-TABLE = RNG.uniform(20, 200, (3, 20))
-LOST = np.where(np.arange(20) > 15, np.nan, TABLE)  # what runs that diverged leave
-ROOM = ROOMS["paper"]
-
-PLOTS = {
-    "home view": lambda: figures.home_view(IMAGE, np.full(12, 0.25), 64),
-    "room": lambda: figures.room_views(IMAGE, IMAGE, IMAGE, IMAGE, ROOM, Settings()),
-    "thresholds": lambda: figures.threshold_forms(np.arange(1, 9), np.arange(8) / 9, np.arange(8) / 8, {3: 0.25}),
-    "shares": lambda: figures.passing_shares({"some": 0.1, "none": 0.0}, ["some"]),
-    "paths": lambda: figures.paths({"early": [("a", WAY), ("b", WAY)], "late": [("c", WAY)]}, ROOM),
-    "curves": lambda: figures.learning_curves(
-        TABLE, -LOST, LOST, TABLE, np.linspace(1, 0.3, 20), *[Interval(90, 80, 99)] * 3, window=5
-    ),
-}
+DRAWS = """
+import sys
+from homing_lib.publish import charts, figures
+figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), sys.argv[1], "drawn")
+"""
+HOSTILE = "axes.grid: True\nsavefig.bbox: tight\nfont.size: 20\nlines.linewidth: 9\nsavefig.facecolor: red\n"
 
 
-# Files that an earlier test of the same worker left to the garbage collector are none of the figure's.
-@pytest.mark.filterwarnings("error", "ignore::ResourceWarning")
-@pytest.mark.parametrize("plot", [*PLOTS.values(), *OF_STUDIES.values()], ids=[*PLOTS, *OF_STUDIES])
-def test_every_figure_is_drawn_without_a_warning_and_fits_the_text(plot, tmp_path):
-    figure = plot()
-    assert figure.get_figwidth() <= TEXT_WIDTH
-    figures.save(figure, tmp_path, "drawn")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["drawn.pdf", "drawn.png"]
+def saved(folder, **environment) -> list[bytes]:
+    """The bytes of a figure that another process draws: its PDF, and its PNG."""
+    subprocess.run([sys.executable, "-c", DRAWS, folder], check=True, cwd=ROOT, env=os.environ | environment)
+    return [(folder / f"drawn.{kind}").read_bytes() for kind in ("pdf", "png")]
 
 
-def test_saving_twice_gives_the_same_bytes_without_a_date_and_with_embedded_outlines(tmp_path, monkeypatch):
+def test_nothing_of_a_users_own_style_and_no_date_is_in_a_file_and_letters_are_embedded(tmp_path, monkeypatch):
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    written = []
-    for name in ("once", "again"):
-        figures.save(figures.passing_shares({"some": 0.1}), tmp_path, name)
-        written.append([(tmp_path / f"{name}.{kind}").read_bytes() for kind in ("pdf", "png")])
-    assert written[0] == written[1]
-    pdf, png = written[0]
+    (tmp_path / "matplotlibrc").write_text(HOSTILE, encoding="utf-8")
+    pdf, png = saved(tmp_path, MATPLOTLIBRC=str(tmp_path / "matplotlibrc"))
+    figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), tmp_path, "here")
+    assert (pdf, png) == tuple((tmp_path / f"here.{kind}").read_bytes() for kind in ("pdf", "png"))
     assert b"CreationDate" not in pdf
-    assert b"/TrueType" in pdf or b"/CIDFontType2" in pdf  # type 42
-    assert b"/Type3" not in pdf
+    assert b"/CIDFontType2" in pdf  # outlines that can be searched, not pictures of letters
     assert b"Software" not in png
+
+
+def test_the_style_stays_with_the_figures(monkeypatch):
+    monkeypatch.setitem(matplotlib.rcParams, "lines.linewidth", 9.0)
+    before = dict(matplotlib.rcParams)
+    charts.passing_shares({"some": 0.1})
+    assert dict(matplotlib.rcParams) == before
 
 
 def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    figures.save(figures.passing_shares({"some": 0.1}), None, "nowhere")
+    figures.save(charts.passing_shares({"some": 0.1}), None, "nowhere")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_robot_sees_as_far_as_the_nearest_thing_or_wall():
-    settings = Settings()
-    eye, *stops = in_sight(ROOM.home, ROOM, settings)  # before it the television, left and right of it cone and ball
-    assert eye == pytest.approx((ROOM.home.x + settings.camera_offset_m, 0.5))
-    assert stops[60] == pytest.approx((1.07, 0.5), abs=0.002)
-    for first, thing in ((-1, "cone"), (0, "ball")):
-        (stop,) = (found for found in ROOM.objects if found.name == thing)
-        assert np.hypot(stops[first][0] - stop.x, stops[first][1] - stop.y) == pytest.approx(stop.radius, abs=0.002)
-    _, *stops = in_sight(ROOM.start, ROOM, settings)  # only the west wall
-    assert [x for x, _ in stops] == pytest.approx([0] * 121, abs=0.002)
+@pytest.mark.parametrize(
+    ("name", "question", "plot"),
+    [
+        ("varying", "varying", forests.varying),
+        ("varying-own", "varying", forests.own_mean),
+        ("rooms", "rooms", lambda found: forests.rooms(found, studies.ROOMS)),
+        ("rooms-matrix", "rooms", lambda found: charts.matrix(found, CALIBRATED_IN)),
+        ("worth-everywhere", "worth", lambda found: forests.everywhere(found, studies.ROOMS)),
+    ],
+)
+def test_a_stored_figure_shows_what_is_stored_as_found(tmp_path, name, question, plot):
+    figures.save(plot(findings.finding(question)), tmp_path, name)
+    stored = imread(ROOT / "figures" / f"{name}.png")
+    np.testing.assert_array_equal(imread(tmp_path / f"{name}.png"), stored, err_msg="`make notebooks` draws it anew")
 
 
-def test_a_title_says_that_steps_fall_only_if_the_intervals_do_not_touch():
-    def title(last):
-        changes, rate = TABLE, np.ones(20)
-        several = Interval(150, 140, 160), last, Interval(300, 250, 350)
-        figure = figures.learning_curves(TABLE, -TABLE, changes, -TABLE, rate, *several, window=5)
-        return figure.axes[0].get_title(loc="left")
+# --- Colours ----------------------------------------------------------------------------------------------------------
 
-    assert title(Interval(30, 25, 35)) == "Steps per episode fall from 150 to 30"
-    assert title(Interval(130, 110, 145)) == "Steps per episode: no fall shown"
-
-
-def test_a_figure_that_cannot_be_saved_leaves_nothing_behind(tmp_path, monkeypatch):
-    figure = figures.passing_shares({"some": 0.1})
-    monkeypatch.setattr(figure, "savefig", lambda *_, **__: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(UserError, match=r"lost.pdf: cannot be written \(disk full\)"):
-        figures.save(figure, tmp_path, "lost")
-    assert list(tmp_path.iterdir()) == []
+BLIND_TO = {
+    "nothing": np.eye(3),
+    "red": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "green": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "blue": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+"""What is left of linear red, green and blue (Machado, Oliveira and Fernandes 2009, at full severity)."""
 
 
-def test_the_style_stays_with_the_figures():
-    before = dict(matplotlib.rcParams)
-    figures.passing_shares({"some": 0.1})
-    assert dict(matplotlib.rcParams) == before
+def lab(colour: str, blindness: str = "nothing") -> np.ndarray:
+    """Lightness (0 to 100) and two opponent colours, in steps of about the same size to the eye (CIELAB)."""
+    rgb = np.array(to_rgb(colour))
+    seen = np.clip(BLIND_TO[blindness] @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), 0, 1)
+    x, y, z = np.cbrt([[0.434, 0.376, 0.190], [0.213, 0.715, 0.072], [0.018, 0.109, 0.873]] @ seen)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("blindness", BLIND_TO)
+@pytest.mark.parametrize("colours", [style.COLOURS.values(), [colour for colour, _ in style.LINES]])
+def test_colours_stand_apart_for_the_colour_blind(colours, blindness):
+    for one, other in combinations(colours, 2):
+        assert np.linalg.norm(lab(one, blindness) - lab(other, blindness)) > 8  # 2.3 is just to be seen
+
+
+def test_in_grey_curves_differ_in_dashes_or_lightness_and_marks_in_shape():
+    for (one, dashes), (other, others) in combinations(style.LINES, 2):
+        assert dashes != others or abs(lab(one)[0] - lab(other)[0]) > 20
+    for looks in (forests.LOOKS.values(), [look for _, look in forests.TRIED.values()]):
+        shapes = [(look.marker, look.full) for look in looks]
+        assert len(set(shapes)) == len(shapes)

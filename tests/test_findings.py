@@ -14,7 +14,7 @@ import pytest
 
 import homing_lib.study.questions
 from homing_lib.errors import UserError
-from homing_lib.study import findings, runs, studies
+from homing_lib.study import findings, runs, studies, sweep
 from homing_lib.study.bootstrap import Interval
 from homing_lib.study.findings import Comparison
 
@@ -63,7 +63,7 @@ def asked(tmp_path, monkeypatch):
         module = importlib.util.module_from_spec(spec)
         monkeypatch.setitem(sys.modules, "asked_here", module)
         exec(source, module.__dict__)
-        runs.sweep(module.FLIGHTS, workers=1)
+        sweep.sweep(module.FLIGHTS, workers=1)
         return module
 
     yield ask
@@ -103,7 +103,7 @@ def test_it_is_judged_anew_when_its_table_or_its_judge_changes_and_only_then(ask
     findings.judge_all()
     assert (module.JUDGED, findings.FILE.stat().st_mtime_ns) == ([12], before)
     more = replace(module.FLIGHTS, seeds=range(4))
-    runs.sweep(more, workers=1)
+    sweep.sweep(more, workers=1)
     findings._QUESTIONS["flies"] = findings._QUESTIONS["flies"]._replace(studies=(more,))
     findings.judge_all()
     assert module.JUDGED == [12, 16]

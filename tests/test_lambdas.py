@@ -1,3 +1,5 @@
+"""Eq. (7) in its three forms and what they are made of; and a rule's name."""
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -49,30 +51,17 @@ def test_the_gate_is_open_while_the_error_keeps_its_sign_and_its_opposite_where_
     assert [RULES["gate"](**s) for s in (kept, changed)] == [1, 0]
     assert [RULES["gate:0.7"](**s) for s in (kept, changed)] == [0.7, 0]
     assert [RULES["gate:opposite"](**s) for s in (kept, changed)] == [0, 1]
+    for none in (step(delta=0.0, delta_prev=delta_prev), step(delta=delta, delta_prev=0.0)):
+        assert [RULES[name](**none) for name in ("gate", "gate:opposite")] == [0, 0]
 
 
-@pytest.mark.parametrize("changes", [{"delta": 0.0}, {"delta_prev": 0.0}])
-def test_no_gate_is_open_where_an_error_is_zero(changes):
-    assert [RULES[name](**step(**changes)) for name in ("gate", "gate:opposite")] == [0, 0]
-
-
-def test_upside_down_form_2_is_undefined_at_a_step_of_zero_error_and_without_its_sign_it_is_its_size():
-    with pytest.raises(ZeroDivisionError):
-        RULES["inverse"](**step(delta=0.0))
-    assert RULES["absolute"](**step(delta=-2.0)) == pytest.approx(0.4)
-
-
-ZERO = np.zeros(2)
+ZERO, HUGE = np.zeros(2), np.full(2, 1e300)
 UNDEFINED = {
     "no previous error": {"delta_prev": 0.0, "trace_prev": ZERO},
     "no previous features": {"phi_prev": ZERO, "trace_prev": ZERO},
     "nothing at all": {"delta": 0.0, "phi": ZERO, "delta_prev": 0.0, "phi_prev": ZERO, "trace_prev": ZERO},
     "no discount": {"discount": 0.0},
-    "features beyond the range": {
-        "phi": np.full(2, 1e300),
-        "phi_prev": np.full(2, 1e300),
-        "trace_prev": np.full(2, 1e300),
-    },
+    "features beyond the range": {"phi": HUGE, "phi_prev": HUGE, "trace_prev": HUGE},
     "an error that is not a number": {"delta": np.nan},
 }
 
@@ -84,13 +73,30 @@ def test_where_the_ratio_is_undefined_a_form_says_so(form, changes):
         RULES[form](**step(**changes))
 
 
-def test_a_step_of_zero_error_has_lambda_zero_in_form_2():
+def test_a_step_of_zero_error_has_lambda_zero_in_form_2_and_none_upside_down():
     assert lambdas.fletcher_reeves(**step(delta=0.0)) == 0
+    with pytest.raises(ZeroDivisionError):
+        RULES["inverse"](**step(delta=0.0))
 
 
 def test_form_1_is_undefined_where_the_change_of_gradient_is_orthogonal_to_the_trace():
     with pytest.raises(ZeroDivisionError):
         lambdas.hestenes_stiefel(**step(trace_prev=np.array([1.0, -3.0])))
+
+
+size = st.floats(0.1, 10)
+
+
+@given(delta=size, sign=st.sampled_from([-1, 1]), delta_prev=size, phi=size, phi_prev=size, discount=st.floats(0.1, 1))
+def test_on_orthogonal_features_without_revisits_the_forms_are_one_and_the_printed_first_its_negative(
+    delta, sign, delta_prev, phi, phi_prev, discount
+):
+    before, phis = {"delta_prev": delta_prev, "discount": discount}, {"phi": [phi, 0], "phi_prev": [0, phi_prev]}
+    arrays = {name: np.array(value) for name, value in phis.items()}
+    s = step(delta=sign * delta, **before, **arrays, trace_prev=arrays["phi_prev"])
+    expected = sign * delta * phi**2 / (discount * delta_prev * phi_prev**2)
+    assert [RULES[form](**s) for form in FORMS] == pytest.approx([expected] * 3)
+    assert lambdas.hestenes_stiefel_printed(**s) == pytest.approx(-expected)
 
 
 number = st.one_of(
@@ -103,14 +109,9 @@ number = st.one_of(
 def any_step(draw):
     n = draw(st.integers(1, 4))
     vectors = npst.arrays(np.float64, n, elements=number)
-    return {
-        "delta": draw(number),
-        "phi": draw(vectors),
-        "delta_prev": draw(number),
-        "phi_prev": draw(vectors),
-        "trace_prev": draw(vectors),
-        "discount": draw(st.one_of(st.floats(0, 1), st.sampled_from([0.0, 5e-324, 1.0]))),
-    }
+    deltas = {name: draw(number) for name in ("delta", "delta_prev")}
+    discount = draw(st.one_of(st.floats(0, 1), st.sampled_from([0.0, 5e-324, 1.0])))
+    return {**deltas, **{name: draw(vectors) for name in ("phi", "phi_prev", "trace_prev")}, "discount": discount}
 
 
 @pytest.mark.filterwarnings("error")
@@ -118,7 +119,7 @@ def any_step(draw):
 @settings(deadline=None, max_examples=200)
 @given(s=any_step())
 @example(s=step(delta_prev=np.float64(0), discount=np.float64(1)))
-@example(s=step(phi=np.full(2, 1e300)))
+@example(s=step(phi=HUGE))
 @example(s=step(phi_prev=np.full(2, 5e-324)))
 def test_for_any_finite_input_a_named_rule_gives_a_finite_plain_float_or_says_that_there_is_none(rule, s):
     with np.errstate(all="raise"):
@@ -129,22 +130,28 @@ def test_for_any_finite_input_a_named_rule_gives_a_finite_plain_float_or_says_th
     assert type(ratio) is float and np.isfinite(ratio)
 
 
+# Names
+
+
 @pytest.mark.parametrize(
-    ("text", "choice"),
+    ("text", "spec"),
     [
-        ("fixed:0.9", (Fixed(0.9), 0, True)),
         ("fixed:0", (Fixed(0), 0, True)),
         ("fixed:1", (Fixed(np.float64(1)), 0, True)),
         ("fletcher-reeves", (lambdas.fletcher_reeves, 0, True)),
-        ("hestenes-stiefel:printed", (lambdas.hestenes_stiefel_printed, 0, True)),
         ("polak-ribiere:on_zero=0.3", (lambdas.polak_ribiere, 0.3, True)),
         ("hestenes-stiefel:unclipped", (lambdas.hestenes_stiefel, 0, False)),
         ("hestenes-stiefel:printed:on_zero=1:unclipped", (lambdas.hestenes_stiefel_printed, 1, False)),
     ],
 )
-def test_a_choice_and_its_name_make_each_other(text, choice):
-    assert lambdas.lambda_spec(text)[1:] == choice
+def test_a_spec_and_its_name_make_each_other(text, spec):
+    assert lambdas.lambda_spec(text)[1:] == spec
     assert str(lambdas.lambda_spec(text)) == text
+
+
+@given(value=st.floats(0, 1))
+def test_the_short_name_of_a_fixed_lambda_keeps_every_digit(value):
+    assert lambdas.lambda_spec(str(Fixed(value))).rule == Fixed(value)
 
 
 def test_a_rule_is_known_by_the_name_under_which_it_is_defined():
@@ -158,47 +165,30 @@ def test_a_rule_is_known_by_the_name_under_which_it_is_defined():
         del RULES["a-new-one"]
 
 
-@given(value=st.floats(0, 1))
-def test_the_short_name_of_a_fixed_lambda_keeps_every_digit(value):
-    assert lambdas.lambda_spec(str(Fixed(value))).rule == Fixed(value)
-
-
 @pytest.mark.parametrize(
-    ("text", "named"),
+    ("make", "wrong", "named"),
     [
-        ("steepest", "fixed:<lambda>, hestenes-stiefel, hestenes-stiefel:printed, fletcher-reeves, polak-ribiere"),
-        ("", "fletcher-reeves"),
-        ("fixed", "fixed:<lambda>"),
-        ("fletcher-reeves:printed", "unknown option 'printed'"),
-        ("fixed:1.5", r"lambda must lie in \[0, 1\], got 1.5"),
-        ("fixed:nan", r"lambda must lie in \[0, 1\], got nan"),
-        ("fixed:much", "much"),
-        ("fletcher-reeves:clipped", "unclipped, on_zero=<lambda>"),
-        ("fletcher-reeves:on_zero=-1", r"on_zero must lie in \[0, 1\], got -1"),
+        (lambdas.lambda_spec, "steepest", ", ".join(RULES)),
+        (lambdas.lambda_spec, "fletcher-reevs", "did you mean fletcher-reeves"),
+        (lambdas.lambda_spec, "", "fletcher-reeves"),
+        (lambdas.lambda_spec, "fixed", "fixed:<lambda>"),
+        (lambdas.lambda_spec, 0.5, "'fixed:0.5'"),
+        (lambdas.lambda_spec, "fletcher-reeves:printed", "unknown option 'printed'"),
+        (lambdas.lambda_spec, "fixed:1.5", r"lambda must lie in \[0, 1\], got 1.5"),
+        (lambdas.lambda_spec, "fixed:nan", "got nan"),
+        (lambdas.lambda_spec, "fixed:much", "much"),
+        (lambdas.lambda_spec, "fletcher-reeves:clipped", "unclipped, on_zero=<lambda>"),
+        (lambdas.lambda_spec, "fletcher-reeves:on_zero=-1", r"on_zero must lie in \[0, 1\], got -1"),
+        (Fixed, -0.1, "got -0.1"),
+        (Fixed, 1.1, "got 1.1"),
+        (lambdas.checked, 0.9, "not a callable"),
+        (lambdas.checked, "fletcher-reeves", "not a callable"),
+        (lambdas.checked, lambda delta, delta_prev: 1.0, "unexpected keyword argument"),
+        (lambdas.checked, lambda *, delta, step, **_: 1.0, "missing a required argument: 'step'"),
     ],
 )
-def test_a_rule_that_does_not_exist_is_refused_in_one_line_that_names_what_does(text, named):
-    with pytest.raises(ValueError, match=named) as refusal:
-        lambdas.lambda_spec(text)
+def test_what_is_no_rule_or_no_name_of_one_is_refused_in_one_line_that_names_what_is(make, wrong, named):
+    with pytest.raises((TypeError, ValueError), match=named) as refusal:
+        make(wrong)
     assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize("value", [-0.1, 1.1, np.nan, np.inf])
-def test_a_lambda_outside_the_unit_interval_is_refused_with_its_value(value):
-    with pytest.raises(ValueError, match=rf"lambda must lie in \[0, 1\], got {value}"):
-        Fixed(value)
-
-
-@pytest.mark.parametrize(
-    ("rule", "fault"),
-    [
-        (0.9, "not a callable"),
-        ("fletcher-reeves", "not a callable"),
-        (lambda delta, delta_prev: 1.0, "unexpected keyword argument"),
-        (lambda *, delta, step, **_: 1.0, "missing a required argument: 'step'"),
-    ],
-)
-def test_what_cannot_be_called_as_a_rule_is_refused_in_one_line_that_says_what_a_rule_takes_and_returns(rule, fault):
-    with pytest.raises(TypeError, match=fault) as refusal:
-        lambdas.checked(rule)
-    assert lambdas.TAKES_AND_RETURNS in str(refusal.value) and "\n" not in str(refusal.value)
+    assert make is not lambdas.checked or lambdas.TAKES_AND_RETURNS in str(refusal.value)

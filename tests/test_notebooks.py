@@ -16,14 +16,14 @@ SOURCES = sorted(notebooks.NOTEBOOKS.glob("[0-9]*.ipynb"))
 
 PARAMETERS = 'profile = "full"\nfigures_dir = None'
 DRAWS = """
-from homing_lib.publish import figures
-figure = figures.passing_shares({"some": 0.1})
+from homing_lib.publish import charts, figures
+figure = charts.passing_shares({"some": 0.1})
 figures.save(figure, figures_dir, "bar")
 """
 PLAYS = """
-from homing_lib.publish import figures
+from homing_lib.publish import charts, figures
 from homing_lib.teach import widgets
-figure = widgets.play(lambda lambda_: figures.passing_shares({"some": lambda_}), lambda_=0.1)
+figure = widgets.play(lambda lambda_: charts.passing_shares({"some": lambda_}), lambda_=0.1)
 figures.save(figure, figures_dir, "played")
 """
 UNSTABLE = """

@@ -1,3 +1,5 @@
+"""Arcs, what stops them, the reflex that follows, and slip: in a room that is a formula, and in those of the arena."""
+
 from math import cos, hypot, inf, pi, radians, sin, sqrt
 
 import numpy as np
@@ -32,28 +34,44 @@ def same(a, b):
     return (*a[:2], cos(a.heading), sin(a.heading)) == pytest.approx((*b[:2], cos(b.heading), sin(b.heading)), abs=1e-9)
 
 
+def wall(x, y):
+    """Clearance to a wall along x = 1."""
+    return 1 - RADIUS - x
+
+
+class Hall:
+    """A world of one wall, along x = 1: what the robot feels there is geometry."""
+
+    clearance = staticmethod(wall)
+
+    @staticmethod
+    def infrared(pose):
+        ahead = [cos(pose.heading + radians(angle)) for angle in INFRARED_ANGLES_DEG]
+        return np.array([min(0.05, (1 - pose.x) / c - RADIUS) if c > 0 else 0.05 for c in ahead])
+
+
+OPEN, FACING_WALL = Pose(0.2, 0.5, 0), Pose(0.94, 0.5, 0)
+
+
 # Arcs
 
 
 @pytest.mark.parametrize(
     ("start", "left", "right", "end"),
     [
-        # straight ahead, along x and along y; backwards
-        (Pose(0, 0, 0), 0.06, 0.06, Pose(0.06, 0, 0)),
+        # straight ahead along y; backwards; no way at all
         (Pose(0.1, 0.2, pi / 2), 0.06, 0.06, Pose(0.1, 0.26, pi / 2)),
         (Pose(0, 0, 0), -0.06, -0.06, Pose(-0.06, 0, 0)),
+        (Pose(0.3, 0.4, 1), 0, 0, Pose(0.3, 0.4, 1)),
         # in place, a quarter turn to the left and half a turn to the right
         (Pose(0.1, 0.2, 0), -BASE * pi / 4, BASE * pi / 4, Pose(0.1, 0.2, pi / 2)),
         (Pose(0.1, 0.2, 0), BASE * pi / 2, -BASE * pi / 2, Pose(0.1, 0.2, pi)),
         # a quarter circle of radius 10 cm, to the left and to the right
         (Pose(0, 0, 0), (0.1 - BASE / 2) * pi / 2, (0.1 + BASE / 2) * pi / 2, Pose(0.1, 0.1, pi / 2)),
         (Pose(0, 0, 0), (0.1 + BASE / 2) * pi / 2, (0.1 - BASE / 2) * pi / 2, Pose(0.1, -0.1, -pi / 2)),
-        # around the standing left wheel, which is half a wheel base to the left
+        # around the standing left wheel, which is half a wheel base to the left; a full circle
         (Pose(0, 0, 0), 0, BASE * pi / 2, Pose(BASE / 2, BASE / 2, pi / 2)),
-        # a full circle
         (Pose(0.3, 0.4, 1), (0.1 - BASE / 2) * 2 * pi, (0.1 + BASE / 2) * 2 * pi, Pose(0.3, 0.4, 1)),
-        # no way at all
-        (Pose(0.3, 0.4, 1), 0, 0, Pose(0.3, 0.4, 1)),
     ],
 )
 def test_arcs_end_where_geometry_says(start, left, right, end):
@@ -61,17 +79,10 @@ def test_arcs_end_where_geometry_says(start, left, right, end):
 
 
 @given(pose=poses, left=ways, right=ways, share=st.floats(0, 1))
-def test_two_parts_of_an_arc_are_the_arc(pose, left, right, share):
-    middle = arc(pose, share * left, share * right, BASE)
-    assert same(
-        arc(middle, (1 - share) * left, (1 - share) * right, BASE),
-        arc(pose, left, right, BASE),
-    )
-
-
-@given(pose=poses, left=ways, right=ways)
-def test_rolling_back_leads_back(pose, left, right):
-    assert same(arc(arc(pose, left, right, BASE), -left, -right, BASE), pose)
+def test_two_parts_of_an_arc_are_the_arc_and_rolling_back_leads_back(pose, left, right, share):
+    middle, end = arc(pose, share * left, share * right, BASE), arc(pose, left, right, BASE)
+    assert same(arc(middle, (1 - share) * left, (1 - share) * right, BASE), end)
+    assert same(arc(end, -left, -right, BASE), pose)
 
 
 @given(angle=st.floats(-1e4, 1e4))
@@ -83,11 +94,6 @@ def test_a_wrapped_angle_is_the_same_angle_within_half_a_turn(angle):
 # Obstacles
 
 
-def wall(x, y):
-    """Clearance to a wall along x = 1."""
-    return 1 - RADIUS - x
-
-
 def test_a_drive_into_a_wall_stops_where_the_body_touches_it():
     pose, stopped = drive(Pose(0.93, 0.5, 0), 0.06, 0.06, BASE, wall)
     assert stopped
@@ -95,19 +101,12 @@ def test_a_drive_into_a_wall_stops_where_the_body_touches_it():
     assert pose == pytest.approx((1 - RADIUS, 0.5, 0), abs=1e-4)
 
 
-def test_a_drive_that_ends_short_of_the_wall_is_not_stopped():
-    assert drive(Pose(0.9, 0.5, 0), 0.06, 0.06, BASE, wall) == (pytest.approx((0.96, 0.5, 0)), False)
-
-
-def test_a_body_that_touches_the_wall_may_drive_away_or_along_it_or_turn_but_not_on():
-    touching = Pose(1 - RADIUS, 0.5, 0)
-    for heading, left, right, stopped in (
-        (pi, 0.06, 0.06, False),
-        (0, -0.06, 0.06, False),
-        (0, -0.06, -0.06, False),
-        (0, 0.06, 0.06, True),
-    ):
-        assert drive(touching._replace(heading=heading), left, right, BASE, wall)[1] is stopped
+@pytest.mark.parametrize(
+    ("heading", "left", "right", "stopped"),
+    [(pi, 0.06, 0.06, False), (0, -0.06, 0.06, False), (0, -0.06, -0.06, False), (0, 0.06, 0.06, True)],
+)
+def test_a_body_that_touches_the_wall_may_drive_away_or_along_it_or_turn_but_not_on(heading, left, right, stopped):
+    assert drive(Pose(1 - RADIUS, 0.5, heading), left, right, BASE, wall)[1] is stopped
 
 
 def test_a_drive_far_from_everything_asks_for_the_clearance_once():
@@ -161,74 +160,56 @@ def test_ten_thousand_random_steps_never_enter_an_obstacle_by_a_millimetre_nor_l
 # The reflex
 
 
-@pytest.mark.parametrize("room", ROOMS.values(), ids=ROOMS)
-def test_a_free_robot_drives_what_is_commanded(room):
-    from homing_lib.arena import Arena
-
-    s = Settings()
-    with Arena(room, s) as world:
-        robot = Robot(world, s, room.home)
-        for action in (LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD):
-            robot.place(room.start)
-            assert robot.act(action, np.random.default_rng(0)) == (action, False)
-            assert robot.pose == arc(room.start, *s.wheel_commands_m[action], s.wheel_base_m)
-            assert robot.reflex is None
+@pytest.mark.parametrize("action", [LEFT_FORWARD, RIGHT_FORWARD, GO_FORWARD])
+def test_a_free_robot_drives_what_is_commanded_and_draws_no_random_number(action):
+    s, rng = Settings(), np.random.default_rng(0)
+    robot = Robot(Hall, s, OPEN)
+    assert robot.act(action, rng) == (action, False)
+    assert robot.pose == arc(OPEN, *s.wheel_commands_m[action], s.wheel_base_m)
+    assert robot.reflex is None
+    assert rng.random() == np.random.default_rng(0).random()
 
 
-def test_a_robot_stopped_by_a_wall_turns_in_place_to_one_random_side_until_the_way_is_clear(arena):
+def test_a_robot_stopped_by_a_wall_turns_in_place_to_one_random_side_until_the_way_is_clear():
     s, sides = Settings(), set()
     front = [index for index, angle in enumerate(INFRARED_ANGLES_DEG) if abs(angle) < 60]
     assert list(range(8))[FRONT_SENSORS] == front
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        robot = Robot(arena, s, Pose(0.06, 0.5, pi))  # 25 mm from the western wall, facing it
+        robot = Robot(Hall, s, FACING_WALL)
         assert robot.act(GO_FORWARD, rng) == (GO_FORWARD, True)
         side, stopped_at = robot.reflex, robot.pose
-        assert side in (LEFT_FORWARD, RIGHT_FORWARD)
-        assert stopped_at[:2] == pytest.approx((RADIUS, 0.5), abs=1e-3)
+        assert stopped_at[:2] == pytest.approx((1 - RADIUS, 0.5), abs=1e-3)
         turn = radians(s.turn_deg) * (1 if side == LEFT_FORWARD else -1)
         turns = 0
         while robot.reflex is not None:
             assert robot.reflex == side
-            assert arena.infrared(robot.pose)[front].min() < s.clear_way_m
+            assert Hall.infrared(robot.pose)[front].min() < s.clear_way_m
             # Whatever is commanded, the side's action is driven, and to be credited.
             assert robot.act(GO_FORWARD, rng) == (side, True)
             turns += 1
             assert same(robot.pose, stopped_at._replace(heading=stopped_at.heading + turns * turn))
-        assert arena.infrared(robot.pose)[front].min() >= s.clear_way_m
+        assert Hall.infrared(robot.pose)[front].min() >= s.clear_way_m
         assert robot.act(GO_FORWARD, rng) == (GO_FORWARD, False)
         sides.add(side)
     assert sides == {LEFT_FORWARD, RIGHT_FORWARD}
 
 
-def test_a_robot_that_is_put_down_somewhere_else_has_no_reflex(arena):
-    robot = Robot(arena, Settings(), Pose(0.06, 0.5, pi))
+def test_a_robot_that_is_put_down_somewhere_else_has_no_reflex():
+    robot = Robot(Hall, Settings(), FACING_WALL)
     robot.act(GO_FORWARD, np.random.default_rng(0))
     assert robot.reflex is not None
-    robot.place(arena.room.start)
-    assert robot.reflex is None
-    assert robot.pose == arena.room.start
+    robot.place(OPEN)
+    assert (robot.reflex, robot.pose) == (None, OPEN)
 
 
-# Slip
-
-
-def test_without_slip_no_random_number_is_drawn_in_the_open(arena):
-    rng = np.random.default_rng(0)
-    robot = Robot(arena, Settings(), arena.room.start)
-    robot.act(LEFT_FORWARD, rng)
-    assert rng.random() == np.random.default_rng(0).random()
-
-
-def test_slip_spreads_the_way_of_each_wheel_by_its_share(arena):
+def test_slip_spreads_the_way_of_each_wheel_by_its_share():
     s, rng = Settings(wheel_slip=0.1, forward_m=0.06), np.random.default_rng(0)
-    ways = []
+    rolled = []
     for _ in range(1000):
-        robot = Robot(arena, s, Pose(0.5, 0.5, 0))
+        robot = Robot(Hall, s, OPEN)
         robot.act(GO_FORWARD, rng)
-        mean, difference = robot.pose.x - 0.5, robot.pose.heading * s.wheel_base_m
-        ways.append((mean, difference))
+        rolled.append((robot.pose.x - OPEN.x, robot.pose.heading * s.wheel_base_m))
     # The mean of two wheels, and their difference, of 60 mm +- 6 mm each; five standard errors.
-    spread = np.std(ways, axis=0)
-    assert np.mean(ways, axis=0) == pytest.approx([0.06, 0], abs=0.0015)
-    assert spread == pytest.approx([0.006 / 2**0.5, 0.006 * 2**0.5], rel=0.15)
+    assert np.mean(rolled, axis=0) == pytest.approx([0.06, 0], abs=0.0015)
+    assert np.std(rolled, axis=0) == pytest.approx([0.006 / 2**0.5, 0.006 * 2**0.5], rel=0.15)

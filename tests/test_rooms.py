@@ -11,7 +11,7 @@ import pytest
 
 from homing_lib import rooms
 from homing_lib.errors import UserError
-from homing_lib.rooms import Ball, Box, Cone, Pose, Texture
+from homing_lib.rooms import Ball, Box, Cone, Pose, Texture, read_rooms
 
 CLOSET = """
 [closet]
@@ -41,14 +41,15 @@ walls.north = { rgb = [0.9, 0.9, 0.9] }
 """
 
 
-def described(text: str, folder: Path) -> dict[str, rooms.Room]:
-    file = folder / "rooms.toml"
-    file.write_text(text, encoding="utf-8")
-    return rooms._described(file)
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "rooms.toml"
+    path.write_text(CLOSET, encoding="utf-8")
+    return path
 
 
-def test_a_room_is_what_its_entry_says_with_headings_in_degrees_and_what_it_does_not_say_is_the_default(tmp_path):
-    closet = described(CLOSET, tmp_path)["closet"]
+def test_a_room_is_what_its_entry_says_with_headings_in_degrees_and_what_it_does_not_say_is_the_default(file):
+    closet = read_rooms(file)["closet"]
     assert (closet.name, closet.size, closet.texture_seed) == ("closet", (1, 2), 2014)
     assert (closet.home, closet.start) == (Pose(0.5, 1.5, pi / 2), Pose(0.5, 0.5, -pi))
     assert closet.walls["east"] == Texture((0.4, 0.5, 0.6), patches=2)
@@ -56,8 +57,8 @@ def test_a_room_is_what_its_entry_says_with_headings_in_degrees_and_what_it_does
     assert closet.objects == (stool, Ball("apple", 0.7, 0.8, radius=0.1, texture=Texture((0, 1, 0))))
 
 
-def test_a_room_like_another_is_that_one_with_further_objects_and_other_values_and_so_on(tmp_path):
-    closet, larder, pantry = described(CLOSET, tmp_path).values()
+def test_a_room_like_another_is_that_one_with_further_objects_and_other_values_and_so_on(file):
+    closet, larder, pantry = read_rooms(file).values()
     shelf = Box("shelf", 0.5, 0.1, size=(0.3, 0.1, 0.2), texture=Texture((0, 0, 1)))
     assert larder.objects == (*closet.objects, shelf)
     assert (larder.size, larder.texture_seed, larder.home) == ((1, 2), 5, closet.home)
@@ -65,37 +66,40 @@ def test_a_room_like_another_is_that_one_with_further_objects_and_other_values_a
     assert pantry.walls == closet.walls | {"north": Texture((0.9, 0.9, 0.9))}
 
 
+HEADING, TABLE = "[x, y, heading in degrees]", "must be a table"
+
+
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "words"),
     [
-        ("radius = 0.1, height", "radios = 0.1, height", "room closet: objects.0.Cone.radios: Unexpected keyword"),
-        ("height = 0.4", "heigth = 0.4", "room closet: objects.0.Ball.heigth: Unexpected keyword"),
-        ('name = "stool", x = 0.2', 'name = "stool", x = "left"', "room closet: objects.0.Cone.x: Input should be a"),
-        ("[0.5, 0.5, -180]", "[0.5, 0.5]", "room closet: start: must be [x, y, heading in degrees]"),
-        ("[0.5, 0.5, -180]", '[0.5, 0.5, "north"]', "room closet: start: must be [x, y, heading in degrees]"),
-        ("[0.5, 0.5, -180]", "7", "room closet: start: must be [x, y, heading in degrees]"),
-        ("patches = 2", "patches = 0", "room closet: walls.east.patches: Input should be greater than or equal to 1"),
-        ("walls.north", "walls.nord", "room closet: walls: must be east, north, west, south"),
-        ('= ["apple"]', '= ["appel"]', "room closet: home_objects: no object has the name appel"),
-        ("size = [1, 2]", "size = [1, nan]", "room closet: size.1: Input should be a finite number"),
-        ('like = "closet"', 'like = "attic"', "room larder: like = 'attic': no room above has this name"),
-        ('like = "closet"', 'like = "pantry"', "room larder: like = 'pantry': no room above has this name"),
-        ('like = "closet"', 'like = "larder"', "room larder: like = 'larder': no room above has this name"),
-        ('like = "closet"', 'like = ["closet"]', "room larder: must be a table, with walls a table, objects a list"),
-        ("objects = [{", "objects = 3\nothers = [{", "room larder: must be a table, with walls a table, objects a"),
-        ("rgb = [1, 0, 0]", "rgb = [8, 0, 0]", "room closet: objects.0.Cone.texture.rgb.0: Input should be less than"),
-        ("size = [1, 2]", "size = [1, -2]", "room closet: size.1: Input should be greater than 0"),
+        ("radius = 0.1, height", "radios = 0.1, height", "room closet: objects.0.Cone.radios: Unexpected"),
+        ("height = 0.4", "heigth = 0.4", "room closet: objects.0.Ball.heigth: Unexpected"),
+        ('name = "stool", x = 0.2', 'name = "stool", x = "left"', "room closet: objects.0.Cone.x: number"),
+        ("[0.5, 0.5, -180]", "[0.5, 0.5]", f"room closet: start: {HEADING}"),
+        ("[0.5, 0.5, -180]", '[0.5, 0.5, "north"]', f"room closet: start: {HEADING}"),
+        ("[0.5, 0.5, -180]", "7", f"room closet: start: {HEADING}"),
+        ("patches = 2", "patches = 0", "room closet: walls.east.patches: 1"),
+        ("walls.north", "walls.nord", "room closet: walls: east, north, west, south"),
+        ('= ["apple"]', '= ["appel"]', "room closet: home_objects: appel"),
+        ("size = [1, 2]", "size = [1, nan]", "room closet: size.1: finite"),
+        ("size = [1, 2]", "size = [1, -2]", "room closet: size.1: greater than 0"),
+        ("rgb = [1, 0, 0]", "rgb = [8, 0, 0]", "room closet: objects.0.Cone.texture.rgb.0: less than"),
+        ('like = "closet"', 'like = "attic"', "room larder: like = 'attic': no room above"),
+        ('like = "closet"', 'like = "pantry"', "room larder: like = 'pantry': no room above"),
+        ('like = "closet"', 'like = "larder"', "room larder: like = 'larder': no room above"),
+        ('like = "closet"', 'like = ["closet"]', f"room larder: {TABLE}"),
+        ("objects = [{", "objects = 3\nothers = [{", f"room larder: {TABLE}"),
+        ("[closet]", "closet = 3\n[other]", f"room closet: {TABLE}"),
         ("[pantry]", "[pantry", "Expected ']'"),
-        ("[closet]", "closet = 3\n[other]", "room closet: must be a table, with walls a table"),
     ],
 )
-def test_a_slip_in_the_description_is_one_line_that_names_file_room_and_entry(before, after, told, tmp_path):
+def test_a_slip_in_the_description_is_one_line_that_names_file_room_and_entry(before, after, words, file):
+    file.write_text(CLOSET.replace(before, after, 1), encoding="utf-8")
     with pytest.raises(UserError) as refused:
-        described(CLOSET.replace(before, after, 1), tmp_path)
-    line = str(refused.value)
-    assert line.startswith(f"{tmp_path / 'rooms.toml'}: {told}")
-    assert line.endswith("; mend it, or restore it with git")
-    assert "\n" not in line
+        read_rooms(file)
+    line, (*where, what) = str(refused.value), words.split(": ")
+    assert line.startswith(": ".join([str(file), *where]))
+    assert what in line and line.endswith("restore it with git") and "\n" not in line
 
 
 def test_the_command_says_so_too_without_a_traceback(tmp_path):

@@ -9,23 +9,23 @@ from homing_lib.__main__ import main
 from homing_lib.publish import demo
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
+from homing_lib.teach import handouts
 
 TEACHING = (ROOT / "notebooks/TEACHING.md").read_text(encoding="utf-8")
 LINKS = sorted(set(re.findall(r"\]\(([^)]+)\)", TEACHING)))
 STATES = [link.partition("#")[2] for link in LINKS if "#" in link]
 LECTURES = {"Lecture 1": "blame", "Lecture 2": "matter"}
-LAB = ROOT / "notebooks/lab.ipynb"
 
 # What of a browser's addresses the page uses.
 ADDRESSES = """
 class URLSearchParams {
   constructor(text = "") {
-    const pairs = String(text).split("&").filter(Boolean).map((one) => one.split("="));
-    this.told = new Map(pairs.map((pair) => pair.map((part) => decodeURIComponent(part.replaceAll("+", " ")))));
+    const pairs = String(text).split("&").filter(Boolean).map((pair) => pair.split("="));
+    this.pairs = new Map(pairs.map((pair) => pair.map((part) => decodeURIComponent(part.replaceAll("+", " ")))));
   }
-  set(name, value) { this.told.set(name, String(value)); }
-  toString() { return [...this.told].map((pair) => pair.map(encodeURIComponent).join("=")).join("&"); }
-  [Symbol.iterator]() { return this.told[Symbol.iterator](); }
+  set(name, value) { this.pairs.set(name, String(value)); }
+  toString() { return [...this.pairs].map((pair) => pair.map(encodeURIComponent).join("=")).join("&"); }
+  [Symbol.iterator]() { return this.pairs[Symbol.iterator](); }
 }
 """
 
@@ -41,18 +41,18 @@ def timetable(of: str) -> list[tuple[range, range]]:
 def test_a_timetable_leaves_no_minute_and_no_slide_or_task_out(of, minutes):
     rows = timetable(of)
     assert [minute for time, _ in rows for minute in time] == list(range(minutes))
-    parts = [part for _, some in rows for part in some]
+    count = 7
     if of in LECTURES:
-        slides = (ROOT / f"paper/lectures/{LECTURES[of]}.tex").read_text(encoding="utf-8").count(r"\begin{frame}")
-        assert parts == list(range(1, slides + 1))
-    else:
-        assert parts == list(range(1, 8))
+        count = (ROOT / f"paper/lectures/{LECTURES[of]}.tex").read_text(encoding="utf-8").count(r"\begin{frame}")
+    assert [part for _, parts in rows for part in parts] == list(range(1, count + 1))
 
 
-@pytest.mark.skipif(not LAB.exists(), reason="no lab here")
-def test_the_lab_takes_as_long_as_its_own_headings_say():
-    headings = re.findall(r"## (\d) · [^\"\\]*\((\d+) minutes\)", LAB.read_text(encoding="utf-8"))
-    assert [(list(task), len(time)) for time, task in timetable("Lab")] == [([int(n)], int(m)) for n, m in headings]
+def test_the_lab_takes_as_long_as_its_own_headings_and_its_guide_say():
+    tasks = re.findall(r"## (\d · [^\"\\]*) \((\d+) minutes\)", handouts.LAB.read_text(encoding="utf-8"))
+    assert [([int(title[0])], int(minutes)) for title, minutes in tasks] == [
+        (list(task), len(time)) for time, task in timetable("Lab")
+    ]
+    assert tasks == re.findall(r"^\| (\d · .*?) \| (\d+) \|", handouts.GUIDE.read_text(encoding="utf-8"), re.M)
 
 
 @pytest.mark.parametrize("link", [link for link in LINKS if "#" not in link])

@@ -1,54 +1,49 @@
 """The controls of notebooks 3 and 4 draw their figure anew, and what they draw says what was chosen."""
 
+from unittest.mock import Mock
+
 import ipywidgets
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from homing_lib import lambdas
-from homing_lib.publish import figures, plots
+from homing_lib.publish import curves, plans
 from homing_lib.study import walk
 from homing_lib.teach import widgets
 
 
-class Display:
-    """Stands in for IPython's `display`: what was shown, and what it was replaced by."""
-
-    def __init__(self):
-        self.shown, self.updates = [], []
-
-    def __call__(self, what, display_id=False):
-        self.shown.append(what)
-        return self if display_id else None
-
-    def update(self, what):
-        self.updates.append(what)
-
-
 @pytest.fixture
-def page(monkeypatch):
-    monkeypatch.setattr(widgets, "display", page := Display())
-    return page
+def display(monkeypatch):
+    """Stands in for IPython's: what was shown, and what that was replaced by."""
+    monkeypatch.setattr(widgets, "display", display := Mock())
+    return display
 
 
-def test_under_the_controls_stands_the_figure_of_their_first_values(page):
-    figure, asked = Figure(), []
-    assert widgets.play(lambda **values: asked.append(values) or figure, lambda_=0.5, step_size=0.3) is figure
-    assert asked == [{"lambda_": 0.5, "step_size": pytest.approx(0.3)}]
-    box, below = page.shown
-    assert isinstance(box, ipywidgets.HBox)
+def test_under_the_controls_stands_the_figure_of_their_first_values(display):
+    figure, draw = Figure(), Mock()
+    draw.return_value = figure
+    assert widgets.play(draw, lambda_=0.5, step_size=0.3) is figure
+    draw.assert_called_once_with(lambda_=0.5, step_size=0.3)
+    (box,), (below,) = (call.args for call in display.call_args_list)
+    assert [type(child) for child in box.children] == [ipywidgets.FloatSlider, ipywidgets.FloatLogSlider]
     assert below is figure
-    assert page.updates == []
+    display.return_value.update.assert_not_called()
 
 
-def test_each_control_draws_the_figure_anew_with_the_values_of_all(page):
-    drawn = []
-    widgets.play(lambda **values: drawn.append(values) or Figure(), rule="fixed", lambda_=0.5, step_size=0.3)
-    rule, lambda_, step_size = page.shown[0].children
-    rule.value, lambda_.value, step_size.value = "gate", 0.75, 0.03
-    assert drawn[-1] == {"rule": "gate", "lambda_": 0.75, "step_size": pytest.approx(0.03)}
-    assert len(drawn) == 4
-    assert len(page.updates) == 3
+def test_each_control_draws_the_figure_anew_with_the_values_of_all(display):
+    draw = Mock(side_effect=lambda **_: Figure())
+    widgets.play(draw, rule="fixed", lambda_=0.5, step_size=0.3)
+    rule, lambda_, step_size = display.call_args_list[0].args[0].children
+    rule.value, lambda_.value, step_size.value = "gate", 0.75, 0.04
+    assert draw.call_args.kwargs == {"rule": "gate", "lambda_": 0.75, "step_size": pytest.approx(0.04)}
+    assert draw.call_count == 4
+    assert display.return_value.update.call_count == 3
+
+
+def test_a_step_size_may_be_ten_times_smaller_or_greater():
+    slider = widgets.control("step_size", 0.3)
+    assert (slider.base**slider.min, slider.base**slider.max) == pytest.approx((0.03, 3.0))
 
 
 @pytest.mark.parametrize("rule", widgets.RULES)
@@ -68,11 +63,11 @@ def drawn_by(monkeypatch, module, name):
 
 
 def test_on_the_walk_the_chosen_rule_stands_beside_the_same_reference(monkeypatch):
-    seen = drawn_by(monkeypatch, plots, "curves")
+    seen = drawn_by(monkeypatch, curves, "by_episode")
     monkeypatch.setattr(walk, "learning", lambda rule, seed, size: np.full(10, np.inf if size > 1 else size))
     assert isinstance(widgets.on_the_walk("fletcher-reeves", 0.8, 0.1), Figure)
     widgets.on_the_walk("fixed", 1.0, 2.0)
-    ((title, tables),), ((lost, capped),) = (panels.items() for panels, *_ in seen)
+    (title, tables, _), (lost, capped, _) = seen
     assert title == "Mean error 0.1 with form 2, guard 0.8, step size 0.1; 0.3 with λ = 0.8, step size 0.3"
     assert {name: (table.shape, table.mean().round(3)) for name, table in tables.items()} == {
         "form 2, guard 0.8": ((10, 10), 0.1),
@@ -83,7 +78,7 @@ def test_on_the_walk_the_chosen_rule_stands_beside_the_same_reference(monkeypatc
 
 
 def test_on_the_robot_episodes_that_were_not_finished_are_named(monkeypatch):
-    seen = drawn_by(monkeypatch, figures, "paths")
+    seen = drawn_by(monkeypatch, plans, "paths")
     widgets.on_the_robot("fletcher-reeves", 0.0, 1.25e-3)
     widgets.on_the_robot("fixed", 1.0, 1.25e-2)
     home, lost = (rows["one run"] for rows, _ in seen)

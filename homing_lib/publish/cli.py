@@ -167,7 +167,7 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
     """
     from tqdm import tqdm
 
-    from homing_lib.study import findings, runs, studies
+    from homing_lib.study import findings, runs, studies, sweep
 
     if workers == 0:
         raise click.UsageError("--workers 0: nobody would compute; -1 is one per core.")
@@ -175,20 +175,11 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
         raise click.UsageError("--workers are processes on this machine: not together with --cluster.")
     if names and stamp:
         raise click.UsageError("--stamp is of all data: not together with a NAME.")
-    anew: set[Path] = set()
-    wanted, known = set(names), []
-    for study in studies.in_order():
-        known.append(study.name)
-        if names and study.name not in wanted:
-            continue
-        done = runs.sweep(study, workers=workers, cluster=cluster, force=force, anew=anew)
+    for study, done in sweep.compute(names, workers=workers, cluster=cluster, force=force):
         if names:
             print(f"{study.name}: {done} runs computed, {len(study)} stored", flush=True)
-            wanted.remove(study.name)
-            if not wanted:  # those after it might need tables that are not there
-                return
-    for name in sorted(wanted):
-        raise UserError(f"study {shown(name)}: none has this name; `homing studies` lists them{nearest(name, known)}")
+    if names:
+        return
     findings.judge_all(lambda asked: tqdm(asked, desc="verdicts", unit="verdict", delay=1, leave=False))
     contents = {studies.PAGE: studies.page()}
     if stamp:
@@ -210,9 +201,9 @@ def studies() -> None:
 @homing.command()
 def verify() -> None:
     """Repeat a stored run live and compare it to the bit."""
-    from homing_lib.study import runs, studies
+    from homing_lib.study import studies, sweep
 
-    print(runs.verify(studies.HEADLINE))
+    print(sweep.verify(studies.HEADLINE))
 
 
 # --- What was found --------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import matplotlib
 import numpy as np
 
 from homing_lib.atlas import COMPACT
-from homing_lib.publish import drawing
+from homing_lib.publish import style
 from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
@@ -28,7 +28,7 @@ PAGE = ROOT / "notebooks" / "executed" / "demo.html"
 CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "compare.js", "camera.js")
 """The model in JavaScript, in the order in which it is read; it needs no browser."""
 
-VIEW = ("draw.js", "state.js", "walk.js", "robot.js", "page.js")
+VIEW = ("draw.js", "state.js", "play.js", "walk.js", "robot.js", "room.js", "curves.js", "save.js", "page.js")
 """What is shown of it, and how it is controlled."""
 
 SHOWN = {"walk": ("C1", "conjugate"), "robot": ("drives", "varying", "worth", "C8", "C9")}
@@ -86,8 +86,8 @@ def judged(name: str) -> dict[str, str]:
 def palette() -> str:
     """The colours of the figures as custom properties of CSS."""
     names = ("BLUE", "ORANGE", "GREEN", "SKY", "GREY", "INK")
-    colours = "".join(f"--{name.lower()}: {getattr(drawing, name)}; " for name in names)
-    return f":root {{ {colours}--pink: {drawing.LINES[4][0]}; }}\n"
+    colours = "".join(f"--{name.lower()}: {getattr(style, name)}; " for name in names)
+    return f":root {{ {colours}--pink: {style.PINK}; }}\n"
 
 
 def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:

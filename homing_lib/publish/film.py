@@ -7,7 +7,6 @@ from subprocess import CalledProcessError
 from typing import TYPE_CHECKING, Any
 
 import imageio_ffmpeg
-import matplotlib
 import numpy as np
 from matplotlib.animation import FFMpegWriter
 from matplotlib.axes import Axes
@@ -18,7 +17,8 @@ from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.atlas import camera_available
 from homing_lib.environment import draw
 from homing_lib.errors import UserError
-from homing_lib.publish.drawing import BLUE, DASHED, ORANGE, SKY, STYLE, picture
+from homing_lib.publish.parts import picture
+from homing_lib.publish.style import BLUE, DASHED, ORANGE, SKY, house_style
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import atomic_write
@@ -46,7 +46,7 @@ _KINDS = {
 """Codec, dots per inch and ffmpeg's options, by a file's ending."""
 
 _SAME_BYTES = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]
-_STYLE = STYLE | {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "lines.linewidth": 2}
+_LARGER: dict[str, Any] = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "lines.linewidth": 2}
 
 
 def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None:
@@ -73,8 +73,8 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
         if len(result.lengths) < number:
             raise UserError(f"--episode {number}: the run diverged in episode {result.diverged}")
         writer = FFMpegWriter(FRAMES_PER_SECOND, codec, extra_args=options + _SAME_BYTES)
-        ffmpeg: Any = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
-        with Arena(room, settings) as arena, matplotlib.rc_context(ffmpeg):
+        ffmpeg = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
+        with Arena(room, settings) as arena, house_style(_LARGER | ffmpeg):
             scene = Scene(arena, result, sorted({1, number}))
             steps = timetable([len(one.poses) - 1 for one in scene.episodes])
             try:
@@ -107,7 +107,7 @@ def _run(settings: Settings, seed: int) -> Run:
 class Scene:
     """Episodes side by side, redrawn for one step after the other. Step 0 is the start."""
 
-    @matplotlib.rc_context(_STYLE)
+    @house_style(_LARGER)
     def __init__(self, arena: "Arena", result: Run, numbers: Sequence[int]) -> None:
         self.figure = Figure(figsize=(4.4 * len(numbers), 4.4))
         (columns,) = self.figure.subfigures(1, len(numbers), squeeze=False)

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
 from homing_lib.atlas import Atlas
-from homing_lib.environment import CONSTANT_COST, HomingEnv, survey
+from homing_lib.environment import CONSTANT_COST, HomingEnv
 from homing_lib.errors import UserError
 from homing_lib.features import Array
 from homing_lib.lambdas import Fixed, LambdaRule
@@ -33,6 +33,7 @@ from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
 from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
+from homing_lib.survey import survey
 from homing_lib.thresholds import stopping_thresholds
 
 _ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
@@ -155,7 +156,7 @@ def _restore(before: list[tuple[Any, Any]]) -> None:
 
 
 def _wander(world: Any, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
-    """`environment.wander` on an atlas."""
+    """`survey.wander` on an atlas."""
     compiled, seen = load(), np.empty(settings.survey_steps, np.int64)
     if not compiled.wander(_world(world), _body(world, settings, home), tuple(home), rng, seen):
         raise ForPython

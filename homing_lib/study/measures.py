@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from homing_lib.agent import Agent, Run
-from homing_lib.environment import HomingEnv, free_pose
+from homing_lib.environment import HomingEnv
 from homing_lib.features import similarity
 from homing_lib.robot import drive, wrapped
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
 from homing_lib.study.runs import Columns, episode_matrix
+from homing_lib.survey import free_pose
 from homing_lib.thresholds import stopping_thresholds
 
 WINDOW = 5  # episodes at each end of a run that are compared: the first five with the last five

@@ -2,17 +2,17 @@
 
 A check is a function under `@check("its title")`. The first paragraph of its docstring is the property that it proves;
 it takes the student's answers (numbers, arrays, functions), returns nothing, or a remark, if the property holds, and
-else raises `Wrong` with a hint. Called in a notebook, it prints one line:
+else raises `Wrong`. Called in a notebook, it prints one line:
 
     proven    the property holds
     blank     an answer is None or ..., or a function that returns ..., or has such a value
-    wrong     it does not hold, with the hint
+    wrong     it does not hold, with a hint, or with the property
     raised    the student's code raised, with the line of its cell and what
 
 Nothing that a student writes stops the notebook. The checks themselves: `lab`, `exercises`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper, wraps
 from traceback import walk_tb
 from typing import Any, Literal, NamedTuple
@@ -24,7 +24,7 @@ SEED = 2014  # of every random trial
 
 
 class Wrong(Exception):
-    """The property does not hold. Its text is the hint."""
+    """The property does not hold. Its text is the hint, if there is one."""
 
 
 class Blank(Exception):
@@ -32,21 +32,21 @@ class Blank(Exception):
 
 
 class Outcome(NamedTuple):
-    """What a check found. `told`: the property if proven, else the hint or what was raised."""
+    """What a check says. message: the property if proven, else the hint or what was raised."""
 
     title: str
     verdict: Literal["proven", "blank", "wrong", "raised"]
-    told: str
+    message: str
 
     def __str__(self) -> str:
-        return f"{self.title}: {self.verdict}. {self.told}"
+        return f"{self.title}: {self.verdict}. {self.message}"
 
 
-RECORD: dict[str, Outcome] = {}  # what was found last, by title, in the order in which it was found
+RECORD: dict[str, Outcome] = {}  # the last outcome of each check by its title, the latest at the end
 
 
 class Check:
-    """A check with its title. Calling it prints and records what `judge` finds."""
+    """A check with its title. Calling it prints and records what `judge` says."""
 
     def __init__(self, title: str, function: Callable[..., str | None]) -> None:
         update_wrapper(self, function)
@@ -58,22 +58,22 @@ class Check:
         return " ".join((self.__doc__ or "").split("\n\n")[0].split())
 
     def judge(self, *answers: Any) -> Outcome:
-        """What is to be said of these answers."""
+        """The outcome for these answers. Raises nothing, whatever they are."""
         try:
-            remark = self._function(*map(_asked, answers))
+            remark = self._function(*map(_guarded, answers))
         except Blank:
             return Outcome(self.title, "blank", "Nothing is checked yet.")
         except Wrong as hint:
-            return Outcome(self.title, "wrong", str(hint))
+            return Outcome(self.title, "wrong", str(hint) or f"This must hold: {self.proves}")
         except Exception as error:  # whatever a student may write
-            told = f"{_line(error)}{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            return Outcome(self.title, "raised", told)
-        return Outcome(self.title, "proven", " ".join(filter(None, (self.proves, remark))))
+            what = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            return Outcome(self.title, "raised", f"{_place(error)}{what}")
+        return Outcome(self.title, "proven", f"{self.proves} {remark or ''}".rstrip())
 
     def __call__(self, *answers: Any) -> None:
         outcome = self.judge(*answers)
         RECORD.pop(self.title, None)
-        RECORD[self.title] = outcome  # as the last
+        RECORD[self.title] = outcome
         print(outcome)
 
 
@@ -82,46 +82,54 @@ def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
     return lambda function: Check(title, function)
 
 
-def _line(error: Exception) -> str:
-    """Of the student's function that raised: "Line 2: ", in its cell. Empty if it was none."""
-    frames = [(frame.f_code, line) for frame, line in walk_tb(error.__traceback__)]
-    wrapped = [at for at, (code, _) in enumerate(frames) if (code.co_name, code.co_filename) == ("asked", __file__)]
-    return f"Line {frames[wrapped[-1] + 1][1]}: " if wrapped and len(frames) > wrapped[-1] + 1 else ""
+def alike(answer: ArrayLike, right: ArrayLike, tolerance: float = 1e-9) -> bool:
+    """Whether both have the same shape and agree to rounding. TypeError for what is no number."""
+    answer, right = np.asarray(answer, dtype=float), np.asarray(right, dtype=float)
+    return answer.shape == right.shape and np.allclose(answer, right, rtol=tolerance, atol=tolerance)
 
 
-def _asked(answer: Any) -> Any:
-    """The answer; a function says Blank where it would return ..., a dictionary if one of its values is missing."""
+def first_of(mistakes: Mapping[str, bool]) -> str:
+    """The name of the first mistake that was made, else "otherwise"."""
+    return next((name for name, made in mistakes.items() if made), "otherwise")
+
+
+def mistake_in(answer: ArrayLike, gives: Mapping[str, ArrayLike]) -> str:
+    """The name of the first mistake that gives this answer, else "otherwise"."""
+    return first_of({name: alike(answer, value) for name, value in gives.items()})
+
+
+def complete(answers: Any, keys: Sequence[Any]) -> None:
+    """Raises Wrong for what is no dictionary with these keys."""
+    if not isinstance(answers, Mapping):
+        raise Wrong(f"Write a dictionary: {{{', '.join(f'{key!r}: ...' for key in keys)}}}.")
+    for key in keys:
+        if key not in answers:
+            raise Wrong(f"{key} is missing.")
+
+
+def _guarded(answer: Any) -> Any:
+    """The answer. Raises Blank if it, or a value of a dictionary, is missing; a function does so when it is called."""
     if answer is None or answer is ...:
         raise Blank
     if isinstance(answer, dict):
-        return {key: _asked(value) for key, value in answer.items()}
+        return {key: _guarded(value) for key, value in answer.items()}
     if not callable(answer):
         return answer
 
     @wraps(answer)
-    def asked(*arguments: Any, **keywords: Any) -> Any:
-        if (given := answer(*arguments, **keywords)) is None:
+    def guarded(*arguments: Any, **keywords: Any) -> Any:
+        if (value := answer(*arguments, **keywords)) is None:
             errors = {"delta": "δ", "delta_prev": "δ before"}
             case = ", ".join(f"{error} = {keywords[name]:.3g}" for name, error in errors.items() if name in keywords)
-            told = f"Your function gave None{f' with {case}' if case else ''}"
-            raise Wrong(f"{told}: is a `return` missing, or a case not covered?")
-        return _asked(given)
+            given = f" with {case}" if case else ""
+            raise Wrong(f"Your function gave None{given}: is a `return` missing, or a case not covered?")
+        return _guarded(value)
 
-    return asked
-
-
-def alike(found: ArrayLike, expected: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether both have the same shape and agree to rounding. TypeError for what is no number."""
-    found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
-    return found.shape == expected.shape and np.allclose(found, expected, rtol=tolerance, atol=tolerance)
+    return guarded
 
 
-def hint(found: ArrayLike, mistakes: Mapping[str, ArrayLike], otherwise: str, tolerance: float = 1e-9) -> str:
-    """The hint of the usual mistake that gives what was found, else `otherwise`. mistakes: by hint, what each gives."""
-    return next((told for told, value in mistakes.items() if alike(found, value, tolerance)), otherwise)
-
-
-def expect(found: ArrayLike, expected: ArrayLike, mistakes: Mapping[str, ArrayLike], otherwise: str) -> None:
-    """Wrong, with the `hint`, unless both are alike."""
-    if not alike(found, expected):
-        raise Wrong(hint(found, mistakes, otherwise))
+def _place(error: Exception) -> str:
+    """Where in its cell the student's function raised, as "Line 2: ". Empty if it was none."""
+    frames = [(frame.f_code, line) for frame, line in walk_tb(error.__traceback__)]
+    calls = [at for at, (code, _) in enumerate(frames) if (code.co_name, code.co_filename) == ("guarded", __file__)]
+    return f"Line {frames[calls[-1] + 1][1]}: " if calls and len(frames) > calls[-1] + 1 else ""

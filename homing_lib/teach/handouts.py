@@ -13,6 +13,7 @@ from pathlib import Path
 
 import nbformat
 
+from homing_lib.errors import UserError
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, execute
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study.runs import missing
@@ -22,14 +23,50 @@ GUIDE = NOTEBOOKS / "lab" / "teacher.md"
 FOLDER = ROOT / ".build" / "lab"
 
 
+def build(folder: Path = FOLDER) -> list[Path]:
+    """Write both archives; return their paths. Raises UserError for what is missing, filled in or unsolved."""
+    archives = {"lab": students(), "lab-teacher": teacher()}
+    for name, files in archives.items():
+        write_bytes(folder / f"{name}.zip", archive(name, files))
+    return [folder / f"{name}.zip" for name in archives]
+
+
+def students() -> dict[str, bytes]:
+    """What is in the students' archive, by name: the blank lab, and the library."""
+    kinds = ".py", ".toml", ".mplstyle", ".atlas"
+    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in kinds]
+    files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
+    packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
+    for cell in to_fill(blank := filled({})):
+        if "..." not in cell.source:
+            raise UserError(f"{LAB}: cell {cell.id} has an answer where students fill in theirs; put `...` there")
+    return packed | {LAB.name: _written(blank), "README.md": _content(GUIDE.with_name("README.md"))}
+
+
+def teacher() -> dict[str, bytes]:
+    """What is in the teacher's archive, by name: the guide, and the solved lab."""
+    answers, cells = solutions(), {cell.id for cell in to_fill(filled({}))}
+    if odd := sorted(cells ^ set(answers)):
+        raise UserError(
+            f"{GUIDE}: {len(answers)} solutions for {len(cells)} cells to fill in {LAB.name}; "
+            f"mend {', '.join(odd)}, or the cell's tag `answer`"
+        )
+    return {"README.md": _content(GUIDE), "lab-solved.ipynb": executed(answers)}
+
+
 def solutions() -> dict[str, str]:
     """The code of each solution by the id of the cell to fill, from the teacher's guide."""
-    return dict(re.findall(r"^```python (\S+)\n(.*?)\n```$", _content(GUIDE).decode(), re.M | re.S))
+    return dict(re.findall(r"^```python (\S+)\n(.*?)\n```$", _text(GUIDE), re.M | re.S))
+
+
+def to_fill(notebook: Notebook) -> list[Notebook]:
+    """The cells that students fill in."""
+    return [cell for cell in notebook.cells if "answer" in cell.metadata.get("tags", [])]
 
 
 def filled(answers: Mapping[str, str]) -> Notebook:
     """The lab with these answers, by the id of the cell; its last line, which checks, stays. Others stay blank."""
-    notebook = nbformat.reads(_content(LAB).decode(), as_version=4)
+    notebook = nbformat.reads(_text(LAB), as_version=4)
     for cell in notebook.cells:
         if cell.id in answers:
             cell.source = f"{answers[cell.id]}\n\n{cell.source.splitlines()[-1]}"
@@ -42,24 +79,11 @@ def executed(answers: Mapping[str, str]) -> bytes:
     with tempfile.TemporaryDirectory() as scratch:
         source = Path(scratch, "lab", LAB.name)
         source.parent.mkdir()
-        nbformat.write(filled(answers), source)
+        source.write_bytes(_written(filled(answers)))
         copy, *_ = execute(str(source))
         notebook = nbformat.read(copy, as_version=4)
     notebook.cells = [cell for cell in notebook.cells if "injected-parameters" not in cell.metadata.get("tags", [])]
-    return f"{nbformat.writes(notebook)}\n".encode()
-
-
-def students() -> dict[str, bytes]:
-    """What is in the students' archive, by name: the blank lab, and the library."""
-    library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in (".py", ".toml", ".atlas")]
-    files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
-    packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
-    return packed | {LAB.name: _content(LAB), "README.md": _content(GUIDE.with_name("README.md"))}
-
-
-def teacher() -> dict[str, bytes]:
-    """What is in the teacher's."""
-    return {"README.md": _content(GUIDE), "lab-solved.ipynb": executed(solutions())}
+    return _written(notebook)
 
 
 def archive(folder: str, files: Mapping[str, bytes]) -> bytes:
@@ -74,12 +98,15 @@ def archive(folder: str, files: Mapping[str, bytes]) -> bytes:
 
 
 def _content(path: Path) -> bytes:
+    """A file as it is packed: text with "\\n" at the ends of its lines, however it was checked out."""
+    return path.read_bytes() if path.suffix == ".atlas" else _text(path).encode()
+
+
+def _text(path: Path) -> str:
     if not path.exists():
         raise missing(path, "missing; restore it with git")
-    return path.read_bytes()
+    return path.read_text(encoding="utf-8")
 
 
-def write() -> None:
-    """Write both archives. The same sources and data give the same bytes."""
-    for name, files in {"lab": students(), "lab-teacher": teacher()}.items():
-        write_bytes(FOLDER / f"{name}.zip", archive(name, files))
+def _written(notebook: Notebook) -> bytes:
+    return f"{nbformat.writes(notebook)}\n".encode()

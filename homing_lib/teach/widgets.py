@@ -13,7 +13,7 @@ import numpy as np
 from IPython.display import display
 from matplotlib.figure import Figure
 
-from homing_lib.publish import figures, plots
+from homing_lib.publish import curves, plans
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
 from homing_lib.study import engine, walk
@@ -33,40 +33,32 @@ def play(draw: Callable[..., Figure], **start: Any) -> Figure:
 
     draw takes `rule`, `lambda_`, `step_size` or some of them; start: their first values. Returns the first figure.
     """
-    controls = {name: _CONTROLS[name](value) for name, value in start.items()}
+    controls = {name: control(name, value) for name, value in start.items()}
     figure = draw(**start)
     display(ipywidgets.HBox(list(controls.values())))  # type: ignore[no-untyped-call]
     shown = display(figure, display_id=True)  # type: ignore[no-untyped-call]
     plt.close(figure)  # it is shown, and the end of the cell would show it once more
 
-    def again(_: Any) -> None:
+    def redraw(_: Any) -> None:
         drawn = draw(**{name: control.value for name, control in controls.items()})
         shown.update(drawn)
         plt.close(drawn)
 
-    for control in controls.values():
-        control.observe(again, "value")
+    for each in controls.values():
+        each.observe(redraw, "value")
     return figure
 
 
-_ASKED: dict[str, Any] = {"continuous_update": False, "style": {"description_width": "initial"}}
-_CONTROLS: dict[str, Callable[[Any], Any]] = {
-    "rule": lambda value: ipywidgets.Dropdown(
-        options=[(name, rule) for rule, name in RULES.items()], value=value, description="rule"
-    ),
-    "lambda_": lambda value: ipywidgets.FloatSlider(
-        value, min=0, max=1, step=0.05, description="λ, or guard", **_ASKED
-    ),
-    "step_size": lambda value: ipywidgets.FloatLogSlider(
-        value,
-        min=log10(value) - 1,
-        max=log10(value) + 1,
-        step=0.1,
-        description="step size",
-        readout_format=".2g",
-        **_ASKED,
-    ),
-}
+def control(name: str, value: Any) -> Any:
+    """The widget for `rule`, `lambda_` or `step_size`, with its first value; a step size ranges over two decades."""
+    if name == "rule":
+        choices = [(label, rule) for rule, label in RULES.items()]
+        return ipywidgets.Dropdown(options=choices, value=value, description="rule")
+    slider: dict[str, Any] = {"continuous_update": False, "style": {"description_width": "initial"}}
+    if name == "lambda_":
+        return ipywidgets.FloatSlider(value, min=0, max=1, step=0.05, description="λ, or guard", **slider)
+    ends = {"min": log10(value) - 1, "max": log10(value) + 1, "step": 0.1}
+    return ipywidgets.FloatLogSlider(value, **ends, description="step size", readout_format=".2g", **slider)
 
 
 def setting(rule: str, lambda_: float) -> str:
@@ -77,18 +69,23 @@ def setting(rule: str, lambda_: float) -> str:
 REFERENCE = 0.8, 0.3
 """Lambda and step size of what `on_the_walk` draws for comparison: about the best of the fixed ones."""
 
+TOP = 0.7
+"""Greater errors are drawn as this one."""
+
 
 def on_the_walk(rule: str, lambda_: float, step_size: float) -> Figure:
     """How a rule learns to predict the random walk, beside a good fixed λ: the error by episode, of ten seeds."""
-    best, top = f"λ = {REFERENCE[0]:g}, step size {REFERENCE[1]:g}", 0.7
-    called = f"λ = {lambda_:g}" if rule == "fixed" else f"{RULES[rule]}, guard {lambda_:g}"
-    ours, theirs = (
+    label = f"λ = {lambda_:g}" if rule == "fixed" else f"{RULES[rule]}, guard {lambda_:g}"
+    chosen, reference = (
         np.array([walk.learning(name, seed, size) for seed in range(10)])
         for name, size in ((setting(rule, lambda_), step_size), (setting("fixed", REFERENCE[0]), REFERENCE[1]))
     )
-    title = f"Mean error {ours.mean():.2g} with {called}, step size {step_size:.2g}; {theirs.mean():.2g} with {best}"
-    tables = {called: np.minimum(ours, top), "for comparison": np.minimum(theirs, top)}
-    return plots.curves({title: tables}, f"error, drawn up to {top:g}", log=False)
+    title = (
+        f"Mean error {chosen.mean():.2g} with {label}, step size {step_size:.2g}; "
+        f"{reference.mean():.2g} with λ = {REFERENCE[0]:g}, step size {REFERENCE[1]:g}"
+    )
+    tables = {label: np.minimum(chosen, TOP), "for comparison": np.minimum(reference, TOP)}
+    return curves.by_episode(title, tables, f"error, drawn up to {TOP:g}")
 
 
 def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
@@ -97,8 +94,7 @@ def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
     run = engine.run(settings, seed=1)
     ways = []
     for number in (1, 2, 5, 10, 20):
-        if number <= len(run.lengths):
-            ways.append((f"episode {number}: {run.lengths[number - 1]} steps", run.episode(number)[:, :2]))
-        else:
-            ways.append((f"episode {number}: weights lost", np.empty((0, 2))))
-    return figures.paths({"one run": ways}, room_named(settings.room))
+        finished = number <= len(run.lengths)
+        path = run.episode(number)[:, :2] if finished else np.empty((0, 2))
+        ways.append((f"episode {number}: {f'{len(path)} steps' if finished else 'weights lost'}", path))
+    return plans.paths({"one run": ways}, room_named(settings.room))

@@ -1,21 +1,14 @@
 // An experiment, as in homing_lib.agent: look at home, survey, then learn for some episodes. And the random walk.
 
 class SarsaAgent {
-  constructor(settings, nFeatures, rng, ownRule) {
-    const chosen = parseRule(settings.lambda_rule);
-    const rule = ownRule ?? chosen.rule;
-    this.settings = settings;
-    this.rng = rng;
+  constructor(settings, nFeatures, rng) {
+    Object.assign(this, { settings, rng });
     this.learner = new LinearSarsa(nFeatures, 3, {
       stepSize: settings.alpha0,
       discount: settings.discount,
-      rule: settings.overwrite_features ? (step) => rule({ ...step, phiPrev: step.phi }) : rule,
+      spec: lambdaSpec(settings.lambda_rule),
       initialWeight: settings.theta0,
-      clip: chosen.clip,
-      onZero: chosen.onZero,
-      traces: settings.traces,
       update: settings.update,
-      bootstrapTerminal: settings.bootstrap_terminal,
     });
   }
 
@@ -23,19 +16,20 @@ class SarsaAgent {
     const s = this.settings;
     const rate = decreaseRate(number, s.first_episode_share * s.episodes); // eq. (23)
     this.learner.stepSize = s.alpha0 * rate;
-    this.policy = { epsilon: s.epsilon0 * rate, temperature: s.tau0 * rate, mixture: s.mixture };
+    this.epsilon = s.epsilon0 * rate;
     this.learner.beginEpisode();
   }
 
   choose(phi) {
-    return sample(actionProbabilities(this.learner.values(phi), this.policy), this.rng);
+    return sample(epsilonGreedy(this.learner.values(phi), this.epsilon), this.rng);
   }
 
-  learn(phi, action, reward, phiNext, nextAction, terminal, atWall) {
-    if (atWall && !this.settings.learn_at_walls) return NOTHING_LEARNT;
-    const delta = this.learner.learn(phi, action, reward, phiNext, nextAction, terminal);
+  // What one step teaches, or null where the weights leave the finite numbers.
+  learn(phi, action, reward, phiNext, nextAction, terminal) {
+    const bootstraps = !terminal || this.settings.bootstrap_terminal;
+    const delta = this.learner.learn(phi, action, reward, bootstraps ? phiNext : null, nextAction);
     const { lambda, clipped, change } = this.learner;
-    return { delta, lambda, clipped, change };
+    return delta === null ? null : { delta, lambda, clipped, change };
   }
 }
 
@@ -76,12 +70,12 @@ const CONTROLLERS = { sarsa: SarsaAgent, random: RandomAgent, climb: ClimbingAge
 
 // One experiment, a step at a time. `steps` are those of the episode under way, `episodes` the finished ones.
 class Experiment {
-  constructor(world, settings, seed, ownRule, model) {
+  constructor(world, settings, seed, model) {
     const [surveySeed, agentSeed, worldSeed] = new SeedSequence(seed).spawn(3);
     this.settings = settings;
     this.total = settings.episodes; // more may follow the training: exploration and step size fall on
     this.env = new HomingEnv(world, settings, surveySeed, worldSeed.generateState(1)[0], model);
-    this.agent = new CONTROLLERS[settings.controller](settings, world.bins, new Generator(agentSeed), ownRule);
+    this.agent = new CONTROLLERS[settings.controller](settings, world.bins, new Generator(agentSeed));
     this.episodes = [];
     this.learnt = 0; // episodes in which it learnt; step size and exploration go by them
     this.frozen = false;
@@ -113,37 +107,25 @@ class Experiment {
     if (this.done) return null;
     if (!this.underWay) this.begin();
     const seen = this.env.step(this.action);
-    const { robot } = this.env;
-    const nextAction = robot.reflex ?? this.agent.choose(seen.phi);
-    let learnt;
-    try {
-      learnt = this.frozen ? NOTHING_LEARNT : this.agent.learn(
-        this.phi, seen.action, seen.reward, seen.phi, nextAction, seen.terminated, seen.atWall,
-      );
-    } catch (error) {
-      if (!(error instanceof Diverged)) throw error;
+    const { phi, action, reward, similarity, atWall, terminated, truncated } = seen, { robot } = this.env;
+    const nextAction = robot.reflex ?? this.agent.choose(phi);
+    const learnt = this.frozen ? NOTHING_LEARNT : this.agent.learn(this.phi, action, reward, phi, nextAction, terminated);
+    if (!learnt) {
       this.diverged = this.episodes.length + 1;
       this.underWay = false;
       return null;
     }
-    const { action, reward, similarity, atWall } = seen;
     const happened = { ...robot.pose, action, reward, similarity, ...learnt, atWall, frozen: this.frozen };
     this.steps.push(happened);
-    if (seen.terminated || seen.truncated) {
+    if (terminated || truncated) {
       const frozen = sum(this.steps.map((step) => +step.frozen)) / this.steps.length; // share of its steps
-      this.episodes.push({ steps: this.steps, reached: seen.terminated, from: this.from, frozen });
+      this.episodes.push({ steps: this.steps, reached: terminated, from: this.from, frozen });
       this.learnt += frozen < 1;
       this.underWay = false;
     }
-    this.phi = seen.phi;
+    this.phi = phi;
     this.action = nextAction;
     return happened;
-  }
-
-  // To the end of the episode under way, or of the next.
-  episode() {
-    const before = this.episodes.length;
-    while (!this.done && this.episodes.length === before) this.step();
   }
 
   // Carry the robot elsewhere: it sees so at its next step.
@@ -152,26 +134,17 @@ class Experiment {
   }
 }
 
-// The whole run.
-function run(world, settings, seed, ownRule) {
-  const experiment = new Experiment(world, settings, seed, ownRule);
-  while (!experiment.done) experiment.episode();
-  return experiment;
-}
-
-// The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures.
-const shortest = (env) => drained(searching(env));
-
+// The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures; yields
+// between poses and returns it.
 function* searching(env) {
-  const { world, settings, psi } = env;
-  const commands = wheelCommands(settings);
+  const { world, settings, psi, robot } = env;
   const seen = new Set();
   let frontier = [env.start];
   for (let steps = 1; steps <= settings.max_steps && frontier.length; steps++) {
     const reached = [];
     for (const pose of frontier) {
       yield;
-      for (const [left, right] of commands) {
+      for (const [left, right] of robot.actions) {
         const [there, stopped] = drive(pose, left, right, settings.wheel_base_m, world);
         const turn = ((rounded(there.heading / (Math.PI / 18)) % 36) + 36) % 36;
         const cell = (Math.floor(there.x / 0.02) * 1000 + Math.floor(there.y / 0.02)) * 36 + turn;
@@ -194,15 +167,22 @@ const TRUE_VALUES = Array.from({ length: STATES }, (_, state) => (state - (STATE
 
 // TD(lambda) on states in a row, +1 at the right end and -1 at the left, a step at a time.
 class Walk {
-  constructor({ rule, onZero = 0, clip = true, stepSize, seed, discount = 1 }) {
-    this.learner = new LinearSarsa(STATES, 1, { rule, onZero, clip, stepSize, discount });
+  constructor(spec, stepSize, seed) {
+    this.learner = new LinearSarsa(STATES, 1, { spec, stepSize, discount: 1 });
     this.rng = new Generator(seed);
-    this.walks = 0;
-    this.steps = null;
+    this.steps = []; // of the walk under way, or of the last
+    this.errors = [this.error]; // before the first walk, and after each
+    this.underWay = false;
+    this.diverged = false;
   }
 
-  // One step; it begins a walk where none is under way. `steps` are those of the walk.
+  get walks() {
+    return this.errors.length - 1;
+  }
+
+  // One step; it begins a walk where none is under way. False where the weights have left the finite numbers.
   step() {
+    if (this.diverged) return false;
     if (!this.underWay) {
       this.learner.beginEpisode();
       this.state = (STATES - 1) / 2;
@@ -213,20 +193,20 @@ class Walk {
     const after = state + (this.rng.integers(2) ? 1 : -1);
     const done = after < 0 || after >= STATES;
     const reward = !done ? 0 : after < 0 ? -1 : 1;
-    const delta = this.learner.learn(UNIT[state], 0, reward, done ? null : UNIT[after], 0, done);
+    const delta = this.learner.learn(UNIT[state], 0, reward, done ? null : UNIT[after], 0);
+    this.diverged = delta === null;
+    if (this.diverged) return false;
     const { lambda, clipped, ratio, trace } = this.learner;
     this.steps.push({ state, after, reward, delta, lambda, clipped, ratio, trace: trace.slice() });
     this.state = after;
-    if (done) {
-      this.underWay = false;
-      this.walks++;
-    }
+    this.underWay = !done;
+    if (done) this.errors.push(this.error);
+    return true;
   }
 
-  // To the end of the walk under way, or of the next.
-  walk() {
-    do this.step();
-    while (this.underWay);
+  // To the end of this walk, counted from 1.
+  finish(number) {
+    while (this.walks < number && this.step());
   }
 
   // Root of the mean squared error of the values.

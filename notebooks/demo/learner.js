@@ -58,47 +58,39 @@ const RULES = {
   "absolute": (step) => Math.abs(fletcherReeves(step)),
 };
 
-// The rule of a name such as "fixed:0.9" or "polak-ribiere:on_zero=1:unclipped", with onZero and clip. Throws Error.
-function parseRule(text) {
-  const [first, ...options] = text.split(":");
-  let name = first;
-  while (options.length && (name === "fixed" || RULES[`${name}:${options[0]}`])) name += `:${options.shift()}`;
-  let rule = RULES[name];
-  if (name.startsWith("fixed:")) {
-    const value = Number(name.slice(6));
-    if (!(value >= 0 && value <= 1)) throw new Error(`lambda must lie in [0, 1], not be ${name.slice(6)}`);
-    rule = () => value;
-  }
-  if (!rule) throw new Error(`there is no lambda rule “${text}”`);
-  let onZero = 0;
-  for (const option of options) {
-    if (option.startsWith("on_zero=")) onZero = Number(option.slice(8));
-    else if (option !== "unclipped") throw new Error(`there is no option “${option}”`);
-  }
-  return { name, rule, onZero, clip: !options.includes("unclipped") };
+// A rule and its options by a text of the settings, such as "fixed:0.9" or "polak-ribiere:on_zero=1:unclipped"; one's own
+// is written out after its options, "own:unclipped:0.5 * delta". Throws an Error for the reader.
+function lambdaSpec(text) {
+  const options = "((?::on_zero=[^:]*|:unclipped)*)";
+  const [, ownOptions, own] = text.match(`^own${options}:([^]*)$`) ?? [];
+  const [, name, chosen] = own === undefined ? text.match(`^([^]*?)${options}$`) : [null, "own", ownOptions];
+  const onZero = Number(/on_zero=([^:]*)/.exec(chosen)?.[1] ?? 0);
+  if (!(onZero >= 0 && onZero <= 1)) throw new Error(`on_zero must lie in [0, 1], in “${text}”`);
+  return { text, name, own, rule: ruleNamed(name, own), onZero, clip: !chosen.includes(":unclipped") };
+}
+
+function ruleNamed(name, own) {
+  if (name === "own") return ownRule(own ?? "");
+  if (Object.hasOwn(RULES, name)) return RULES[name];
+  if (!name.startsWith("fixed:")) throw new Error(`there is no lambda rule “${name}”`);
+  const value = Number(name.slice(6));
+  if (!(value >= 0 && value <= 1)) throw new Error(`lambda must lie in [0, 1], not be ${name.slice(6)}`);
+  return () => value;
 }
 
 // --- The learner ----------------------------------------------------------------------------------------------------
 
-class Diverged extends Error {}
-
-// Sarsa(lambda_t) of Fig. 2; TD prediction is the same with one action. Settings as in homing_lib.sarsa.LinearSarsa.
+// Sarsa(lambda_t) of Fig. 2; TD prediction is the same with one action. Settings as in homing_lib.sarsa.LinearSarsa,
+// with accumulating traces.
 class LinearSarsa {
-  constructor(nFeatures, nActions, settings) {
-    const usual = { initialWeight: 0, clip: true, onZero: 0, traces: "accumulating", bootstrapTerminal: false };
-    Object.assign(this, usual, settings);
-    this.update ??= this.traces === "dutch" ? "all" : "taken";
-    this.n = nFeatures;
-    this.weights = new Float64Array(nFeatures * nActions).fill(this.initialWeight);
+  constructor(nFeatures, nActions, { stepSize, discount, spec, initialWeight = 0, update = "taken" }) {
+    Object.assign(this, { stepSize, discount, spec, update });
+    this.weights = new Float64Array(nFeatures * nActions).fill(initialWeight);
     this.rows = Array.from({ length: nActions }, (_, a) => this.weights.subarray(a * nFeatures, (a + 1) * nFeatures));
-    this.change = 0;
     this.beginEpisode();
   }
 
   beginEpisode() {
-    this.lambda = 0;
-    this.clipped = false;
-    this.qAhead = 0;
     this.trace = new Float64Array(this.weights.length);
     this.before = null; // delta_{t-1}, phi_{t-1}
   }
@@ -107,44 +99,30 @@ class LinearSarsa {
     return this.rows.map((row) => dot(row, phi));
   }
 
-  // From s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}: returns the TD error.
-  learn(phi, action, reward, phiNext, nextAction, terminal = false) {
-    const { n, weights, trace, stepSize, discount } = this;
-    const first = action * n;
-    const q = dot(this.rows[action], phi);
-    const qNext = terminal && !this.bootstrapTerminal ? 0 : dot(this.rows[nextAction], phiNext);
-    const delta = reward + discount * qNext - q; // eq. (1)
+  // From s_t, a_t, r_{t+1}, s_{t+1}, a_{t+1}: returns the TD error, or null where the weights leave the finite numbers.
+  // phiNext: null where nothing follows.
+  learn(phi, action, reward, phiNext, nextAction) {
+    const { weights, trace } = this, first = action * phi.length;
+    const qNext = phiNext ? dot(this.rows[nextAction], phiNext) : 0;
+    const delta = reward + this.discount * qNext - dot(this.rows[action], phi); // eq. (1)
 
     const phiTaken = new Float64Array(weights.length);
     phiTaken.set(phi, first);
-    const lambda = this.chooseLambda(delta, phiTaken); // eq. (7)
+    const decay = this.discount * this.chooseLambda(delta, phiTaken); // eq. (7)
 
-    const decay = discount * lambda;
-    for (let i = 0; i < trace.length; i++) trace[i] *= decay; // eq. (17)
-    const own = trace.subarray(first, first + n);
-    if (this.traces === "replacing") {
-      for (let i = 0; i < n; i++) if (phi[i] !== 0) own[i] = phi[i];
-    } else {
-      const gain = this.traces === "dutch" ? 1 - stepSize * dot(own, phi) : 1;
-      for (let i = 0; i < n; i++) own[i] += gain * phi[i];
-    }
+    for (let i = 0; i < trace.length; i++) trace[i] = decay * trace[i] + phiTaken[i]; // eq. (17)
 
-    const [from, to] = this.update === "taken" ? [first, first + n] : [0, trace.length];
-    const alongTrace = stepSize * delta;
-    const correction = this.traces === "dutch" ? stepSize * (q - this.qAhead) : 0;
-    let squares = 0, largest = 0, finite = true;
+    const [from, to] = this.update === "taken" ? [first, first + phi.length] : [0, trace.length];
+    const rate = this.stepSize * delta;
+    let squares = 0, finite = true;
     for (let i = from; i < to; i++) {
-      let change = alongTrace * trace[i];
-      if (correction) change += correction * (trace[i] - phiTaken[i]);
+      const change = rate * trace[i];
       weights[i] += change; // eq. (18)
       squares += change * change;
-      largest = Math.max(largest, Math.abs(change));
       finite &&= Number.isFinite(weights[i]);
     }
-    if (!finite) throw new Diverged("the weights left the finite numbers");
-    this.qAhead = qNext;
-    this.change = Number.isFinite(squares) ? Math.sqrt(squares) : largest;
-    return delta;
+    this.change = Math.sqrt(squares);
+    return finite ? delta : null;
   }
 
   // lambda_t by the rule, guarded and clipped; 0 at the first step of an episode.
@@ -153,48 +131,27 @@ class LinearSarsa {
     this.clipped = false;
     this.ratio = null; // what the rule said, before guard and clip
     if (this.before) {
-      const { delta: deltaPrev, phi: phiPrev } = this.before;
-      this.ratio = this.rule({ delta, phi, deltaPrev, phiPrev, tracePrev: this.trace, discount: this.discount });
-      this.lambda = Number.isFinite(this.ratio) ? this.ratio : this.onZero;
-      if (this.clip && !(this.lambda >= 0 && this.lambda <= 1)) {
-        this.lambda = Math.min(Math.max(0, this.lambda), 1);
-        this.clipped = true;
-      }
+      const { spec, discount, trace: tracePrev } = this, { delta: deltaPrev, phi: phiPrev } = this.before;
+      this.ratio = spec.rule({ delta, phi, deltaPrev, phiPrev, tracePrev, discount });
+      this.lambda = Number.isFinite(this.ratio) ? this.ratio : spec.onZero;
+      this.clipped = spec.clip && !(this.lambda >= 0 && this.lambda <= 1);
+      if (this.clipped) this.lambda = Math.min(Math.max(0, this.lambda), 1);
     }
     this.before = { delta, phi };
     return this.lambda;
   }
 }
 
-// --- Exploration, eqs. (20)-(23) ------------------------------------------------------------------------------------
+// --- Exploration ------------------------------------------------------------------------------------------------------
 
 const sum = (values) => values.reduce((total, value) => total + value, 0);
+const mean = (values) => sum(values) / values.length;
 
-function shares(weights) {
-  const total = sum(weights);
-  return weights.map((weight) => weight / total);
-}
-
-function scaled(values, literal = false) {
-  const divisor = literal ? sum(values) : sum(values.map(Math.abs));
-  return values.map((value) => (divisor ? value / divisor : 0));
-}
-
-function actionProbabilities(values, { epsilon, temperature, mixture }) {
-  const greedy = values.map(() => epsilon / values.length);
-  greedy[values.indexOf(Math.max(...values))] += 1 - epsilon;
-  if (mixture === "epsilon-greedy") return greedy;
-  if (mixture === "normalised") {
-    const preferences = scaled(values);
-    const top = Math.max(...preferences);
-    const soft = shares(preferences.map((preference) => Math.exp((preference - top) / temperature)));
-    return soft.map((share, a) => (share + greedy[a]) / 2);
-  }
-  const largest = Number.MAX_VALUE;
-  const bounded = (value) => Math.min(Math.max(value / temperature, -largest), largest);
-  const preferences = scaled(values, true).map(bounded);
-  const top = Math.max(0, ...preferences);
-  return shares(preferences.map((preference, a) => Math.exp(preference - top) + greedy[a] * Math.exp(-top)));
+// Eq. (21), which is all of the policy in the settings of this page.
+function epsilonGreedy(values, epsilon) {
+  const probabilities = values.map(() => epsilon / values.length);
+  probabilities[values.indexOf(Math.max(...values))] += 1 - epsilon;
+  return probabilities;
 }
 
 function sample(probabilities, rng) {

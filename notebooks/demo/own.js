@@ -3,7 +3,11 @@
 
 const VECTORS = { phi: "phi", phi_prev: "phiPrev", trace_prev: "tracePrev" };
 const NUMBERS = { delta: "delta", delta_prev: "deltaPrev", discount: "discount" };
-const ALIASES = { deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount", "γ": "discount", "δ": "delta", "δ₋": "delta_prev", "φ": "phi", "φ₋": "phi_prev", "e₋": "trace_prev" };
+const ALIASES = {
+  deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount",
+  "δ": "delta", "δ₋": "delta_prev", "φ": "phi", "φ₋": "phi_prev", "e₋": "trace_prev", "γ": "discount",
+  "||": "or", "&&": "and", "!": "not", "===": "==", "!==": "!=",
+};
 const FUNCTIONS = {
   abs: [1, 1, Math.abs],
   sign: [1, 1, Math.sign],
@@ -15,7 +19,20 @@ const FUNCTIONS = {
 };
 const WORDS = ["if", "else", "and", "or", "not"];
 
-class RuleError extends Error {}
+// Operators that are read from the left, the loosest last; a and b are worked out when a step is known, b only if need be.
+const PRODUCTS = {
+  "*": (a, b) => (s) => a(s) * b(s),
+  "·": (a, b) => (s) => a(s) * b(s),
+  "/": (a, b) => (s) => defined(a(s) / b(s)),
+  "%": (a, b) => (s) => defined(a(s) - b(s) * Math.floor(a(s) / b(s))),
+};
+const SUMS = { "+": (a, b) => (s) => a(s) + b(s), "-": (a, b) => (s) => a(s) - b(s) };
+const CONJUNCTIONS = { and: (a, b) => (s) => a(s) && b(s) };
+const DISJUNCTIONS = { or: (a, b) => (s) => a(s) || b(s) };
+const COMPARISONS = {
+  "<": (a, b) => a < b, "<=": (a, b) => a <= b, ">": (a, b) => a > b, ">=": (a, b) => a >= b,
+  "==": (a, b) => a === b, "!=": (a, b) => a !== b,
+};
 
 class Undefined extends Error {} // x/0 and the like: the guard stands in
 
@@ -24,23 +41,24 @@ function defined(value) {
   return value;
 }
 
+const UNREADABLE = {
+  "=": "To compare, write ==.", "^": "A power is written **.", "λ": "λ itself is what you compute.",
+  "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon.",
+};
+
+const NUMBER = /(?<number>(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)/;
+const NAME = /(?<name>[δφe]₋|[δφγ]|[A-Za-z_]\w*)/;
+const SIGN = /(?<sign>\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!·])/;
+const TOKEN = new RegExp(`\\s*(?:${NUMBER.source}|${NAME.source}|${SIGN.source}|(?<odd>\\S))`, "gi");
+
 function tokens(text) {
-  const pattern = /\s*(?:(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)|([δφe]₋|[δφγ]|[A-Za-z_]\w*)|(\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!·]))/iy;
-  const found = [];
-  text = text.replace(/\|(φ₋?)\|²/g, "dot($1, $1)").replace(/[−–]/g, "-").replaceAll("×", "*").trimEnd();
-  while (pattern.lastIndex < text.length) {
-    const at = pattern.lastIndex;
-    const match = pattern.exec(text);
-    if (!match) {
-      const odd = text.slice(at).trim()[0];
-      const hints = { "=": "To compare, write ==.", "^": "A power is written **.", "λ": "λ itself is what you compute.",
-        "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon." };
-      throw new RuleError(`“${odd}” cannot be read here. ${hints[odd] ?? ""}`.trim());
-    }
-    const [, number, name, sign] = match;
-    found.push(number ? { number: Number(number), text: number } : { name: Object.hasOwn(ALIASES, name) ? ALIASES[name] : name, text: name ?? sign });
-  }
-  return found;
+  text = text.replace(/\|(φ₋?)\|²/g, "dot($1, $1)").replace(/[−–]/g, "-").replaceAll("×", "*");
+  return Array.from(text.matchAll(TOKEN), ({ groups: { number, name, sign, odd } }) => {
+    if (odd) throw new Error(`“${odd}” cannot be read here. ${UNREADABLE[odd] ?? ""}`.trim());
+    if (number) return { number: Number(number), text: number };
+    const known = Object.hasOwn(ALIASES, name ?? sign) ? ALIASES[name ?? sign] : name ?? sign;
+    return name ? { name: known, text: name } : { text: known };
+  });
 }
 
 // Whether a rule has no value at two ordinary steps.
@@ -61,7 +79,8 @@ function distance(a, b) {
   return row[b.length];
 }
 
-// The rule that a text describes. Throws RuleError, a sentence for the reader.
+// The rule that a text describes, by recursive descent: each function reads what binds more tightly than the one before it,
+// and returns what a step makes of it, or the name of a vector. Throws an Error for the reader.
 function ownRule(text) {
   const list = tokens(text.replace(/^\s*return\b/, ""));
   let at = 0;
@@ -69,12 +88,18 @@ function ownRule(text) {
   const take = (...texts) => (peek(...texts) ? list[at++].text : null);
   const here = () => (at < list.length ? `before “${list[at].text}”` : "at the end");
 
+  const isVector = (node) => typeof node === "string";
   const scalar = (node, what) => {
-    if (node.vector) throw new RuleError(`${node.vector} is a vector, and ${what} takes a number: dot(${node.vector}, phi) is one.`);
-    return node.value;
+    if (isVector(node)) throw new Error(`${node} is a vector, and ${what} takes a number: dot(${node}, phi) is one.`);
+    return node;
+  };
+  const inner = (nodes, what) => {
+    if (!nodes.every(isVector)) throw new Error(`${what}: phi, phi_prev or trace_prev.`);
+    const [a, b] = nodes.map((node) => VECTORS[node]);
+    return (s) => dot(s[a], s[b]);
   };
   const need = (sign, why) => {
-    if (!take(sign)) throw new RuleError(`A “${sign}” is missing ${here()}${why}.`);
+    if (!take(sign)) throw new Error(`A “${sign}” is missing ${here()}${why}.`);
   };
 
   function choice() {
@@ -83,144 +108,106 @@ function ownRule(text) {
       const condition = scalar(either(), "if");
       need("else", ": write a if condition else b");
       const [yes, no] = [scalar(first, "if"), scalar(choice(), "else")];
-      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+      return (s) => (condition(s) ? yes(s) : no(s));
     }
     if (take("?")) {
       const condition = scalar(first, "?");
       const yes = scalar(choice(), "?");
       need(":", ": write condition ? a : b");
       const no = scalar(choice(), ":");
-      return { value: (s) => (condition(s) ? yes(s) : no(s)) };
+      return (s) => (condition(s) ? yes(s) : no(s));
     }
     return first;
   }
 
-  function either() {
-    let left = both();
-    while (take("or", "||")) {
-      const [a, b] = [scalar(left, "or"), scalar(both(), "or")];
-      left = { value: (s) => a(s) || b(s) };
+  // Operators that are read from the left.
+  const leftToRight = (operators, operand) => () => {
+    let left = operand();
+    for (let sign; (sign = take(...Object.keys(operators))); ) {
+      const [a, b] = [scalar(left, sign), scalar(operand(), sign)];
+      left = operators[sign](a, b);
     }
     return left;
-  }
-
-  function both() {
-    let left = inverted();
-    while (take("and", "&&")) {
-      const [a, b] = [scalar(left, "and"), scalar(inverted(), "and")];
-      left = { value: (s) => a(s) && b(s) };
-    }
-    return left;
-  }
+  };
+  const term = leftToRight(PRODUCTS, signed);
+  const total = leftToRight(SUMS, term);
+  const both = leftToRight(CONJUNCTIONS, inverted);
+  const either = leftToRight(DISJUNCTIONS, both);
 
   function inverted() {
-    if (!take("not", "!")) return comparison();
+    if (!take("not")) return comparison();
     const a = scalar(inverted(), "not");
-    return { value: (s) => +!a(s) };
+    return (s) => +!a(s);
   }
 
   // As in Python, a < b < c means both.
   function comparison() {
     const compared = [total()], signs = [];
-    for (let sign; (sign = take("<", "<=", ">", ">=", "==", "===", "!=", "!==")); ) {
-      signs.push(sign.slice(0, 2));
+    for (let sign; (sign = take(...Object.keys(COMPARISONS))); ) {
+      signs.push(sign);
       compared.push(total());
     }
     if (!signs.length) return compared[0];
     const parts = compared.map((node) => scalar(node, signs[0]));
-    const holds = { "<": (a, b) => a < b, "<=": (a, b) => a <= b, ">": (a, b) => a > b, ">=": (a, b) => a >= b,
-      "==": (a, b) => a === b, "!=": (a, b) => a !== b };
-    return { value: (s) => {
+    return (s) => {
       const values = parts.map((part) => part(s));
-      return +signs.every((sign, i) => holds[sign](values[i], values[i + 1]));
-    } };
-  }
-
-  function total() {
-    let left = product();
-    for (let sign; (sign = take("+", "-")); ) {
-      const [a, b] = [scalar(left, sign), scalar(product(), sign)];
-      left = { value: sign === "+" ? (s) => a(s) + b(s) : (s) => a(s) - b(s) };
-    }
-    return left;
-  }
-
-  function product() {
-    let left = signed();
-    for (let sign; (sign = take("*", "/", "%", "·")); ) {
-      const [a, b] = [scalar(left, sign), scalar(signed(), sign)];
-      const modulo = (x, y) => x - y * Math.floor(x / y);
-      const apply = { "*": (x, y) => x * y, "·": (x, y) => x * y, "/": (x, y) => defined(x / y), "%": (x, y) => defined(modulo(x, y)) }[sign];
-      left = { value: (s) => apply(a(s), b(s)) };
-    }
-    return left;
+      return +signs.every((sign, i) => COMPARISONS[sign](values[i], values[i + 1]));
+    };
   }
 
   function signed() {
     const sign = take("-", "+");
     if (!sign) return power();
     const a = scalar(signed(), sign);
-    return { value: sign === "-" ? (s) => -a(s) : a };
+    return sign === "-" ? (s) => -a(s) : a;
   }
 
   function power() {
-    const base = inner();
+    const base = vectors();
     if (!take("**")) return base;
     const [a, b] = [scalar(base, "**"), scalar(signed(), "**")];
-    return { value: (s) => defined(a(s) ** b(s)) };
+    return (s) => defined(a(s) ** b(s));
   }
 
   // Of two vectors: it binds as tightly as a name.
-  function inner() {
+  function vectors() {
     const left = atom();
-    if (!left.vector || !take("·")) return left;
-    const right = atom();
-    if (!right.vector) throw new RuleError(`${left.vector}· takes another vector: phi, phi_prev or trace_prev.`);
-    const [a, b] = [VECTORS[left.vector], VECTORS[right.vector]];
-    return { value: (s) => dot(s[a], s[b]) };
+    return isVector(left) && take("·") ? inner([left, atom()], `${left}· takes another vector`) : left;
   }
 
   function atom() {
     const token = list[at];
-    if (!token) throw new RuleError(list.length ? "Something is missing at the end." : "Type what lambda shall be, such as 0.5 or delta / delta_prev.");
+    if (!list.length) throw new Error("Type what lambda shall be, such as 0.5 or delta / delta_prev.");
+    if (!token) throw new Error("Something is missing at the end.");
     if (token.number !== undefined) {
       at++;
-      return { value: () => token.number };
+      return () => token.number;
     }
     if (take("(")) {
-      const inner = choice();
+      const enclosed = choice();
       need(")", "");
-      return inner;
+      return enclosed;
     }
-    if (!token.name || WORDS.includes(token.name)) throw new RuleError(`A number or a name is missing ${here()}.`);
+    if (!token.name || WORDS.includes(token.name)) throw new Error(`A number or a name is missing ${here()}.`);
     at++;
     return named(token.name);
   }
 
   function named(name) {
-    if (name === "True" || name === "False") return { value: () => +(name === "True") };
-    if (Object.hasOwn(NUMBERS, name)) {
-      const key = NUMBERS[name];
-      return { value: (s) => s[key] };
-    }
-    if (Object.hasOwn(VECTORS, name)) return { vector: name };
-    if (name === "dot") {
-      const [a, b] = parameters(name, 2, 2).map((node) => {
-        if (!node.vector) throw new RuleError("dot takes two vectors: phi, phi_prev or trace_prev.");
-        return VECTORS[node.vector];
-      });
-      return { value: (s) => dot(s[a], s[b]) };
-    }
+    if (name === "True" || name === "False") return () => +(name === "True");
+    if (Object.hasOwn(NUMBERS, name)) return (s) => s[NUMBERS[name]];
+    if (Object.hasOwn(VECTORS, name)) return name;
+    if (name === "dot") return inner(parameters(name, 2, 2), "dot takes two vectors");
     if (Object.hasOwn(FUNCTIONS, name)) {
       const [least, most, apply] = FUNCTIONS[name];
       const parts = parameters(name, least, most).map((node) => scalar(node, name));
-      return { value: (s) => defined(apply(...parts.map((part) => part(s)))) };
+      return (s) => defined(apply(...parts.map((part) => part(s))));
     }
-    const known = [...Object.keys(NUMBERS), ...Object.keys(VECTORS), ...Object.keys(FUNCTIONS), "dot"];
-    const nearest = known.toSorted((a, b) => distance(name, a) - distance(name, b))[0];
-    if (/^lamb?da/.test(name)) throw new RuleError("λ is what you compute here: write its value, such as delta / delta_prev.");
+    const known = [NUMBERS, VECTORS, FUNCTIONS, { dot }].flatMap((names) => Object.keys(names));
+    const [nearest] = known.toSorted((a, b) => distance(name, a) - distance(name, b));
+    if (/^lamb?da/.test(name)) throw new Error("λ is what you compute here: write its value, such as delta / delta_prev.");
     const guess = distance(name, nearest) <= Math.max(1, name.length / 3) ? `Did you mean ${nearest}? ` : "";
-    throw new RuleError(`“${name}” is not known. ${guess}There are ${known.join(", ")}.`);
+    throw new Error(`“${name}” is not known. ${guess}There are ${known.join(", ")}.`);
   }
 
   function parameters(name, least, most) {
@@ -229,14 +216,14 @@ function ownRule(text) {
     if (!peek(")")) do found.push(choice()); while (take(","));
     need(")", "");
     if (found.length < least || found.length > most)
-      throw new RuleError(`${name} takes ${least === most ? least : `at least ${least}`} of them, not ${found.length}.`);
+      throw new Error(`${name} takes ${least === most ? least : `at least ${least}`} of them, not ${found.length}.`);
     return found;
   }
 
   const value = scalar(choice(), "λ");
   if (at < list.length) {
-    const closed = list[at].text === ")" ? "A “)” has no “(” before it." : `“${list[at].text}” does not fit there. Is an operator missing before it?`;
-    throw new RuleError(closed);
+    if (peek(")")) throw new Error("A “)” has no “(” before it.");
+    throw new Error(`“${list[at].text}” does not fit there. Is an operator missing before it?`);
   }
   return (step) => {
     try {

@@ -3,6 +3,14 @@
 const MASK_64 = (1n << 64n) - 1n;
 const PCG_MULTIPLIER = 0x2360ed051fc65da44385df649fccf645n;
 
+// A hash of words of 32 bits, whose multiplier moves on with each.
+const hasher = (multiplier, factor) => (word) => {
+  word ^= multiplier;
+  multiplier = Math.imul(multiplier, factor);
+  word = Math.imul(word, multiplier);
+  return (word ^ (word >>> 16)) >>> 0;
+};
+
 // numpy.random.SeedSequence(entropy, spawn_key=...): a pool of four words, hashed from the seed. entropy: BigInt or number.
 class SeedSequence {
   constructor(entropy, spawnKey = []) {
@@ -20,34 +28,22 @@ class SeedSequence {
   }
 
   static mixed(words) {
-    let multiplier = 0x43b0d7e5;
-    const hashed = (value) => {
-      value = (value ^ multiplier) >>> 0;
-      multiplier = Math.imul(multiplier, 0x931e8875) >>> 0;
-      value = Math.imul(value, multiplier) >>> 0;
-      return (value ^ (value >>> 16)) >>> 0;
-    };
+    const hash = hasher(0x43b0d7e5, 0x931e8875);
     const joined = (x, y) => {
       const sum = (Math.imul(0xca01f9dd, x) - Math.imul(0x4973f715, y)) >>> 0;
       return (sum ^ (sum >>> 16)) >>> 0;
     };
-    const pool = [0, 1, 2, 3].map((i) => hashed(i < words.length ? words[i] : 0));
+    const pool = [0, 1, 2, 3].map((i) => hash(words[i] ?? 0));
     for (let from = 0; from < 4; from++)
-      for (let to = 0; to < 4; to++) if (from !== to) pool[to] = joined(pool[to], hashed(pool[from]));
-    for (let from = 4; from < words.length; from++)
-      for (let to = 0; to < 4; to++) pool[to] = joined(pool[to], hashed(words[from]));
+      for (let to = 0; to < 4; to++) if (from !== to) pool[to] = joined(pool[to], hash(pool[from]));
+    for (const word of words.slice(4)) for (let to = 0; to < 4; to++) pool[to] = joined(pool[to], hash(word));
     return pool;
   }
 
   // The first `count` words of 32 bits.
   generateState(count) {
-    let multiplier = 0x8b51f9dd;
-    return Array.from({ length: count }, (_, i) => {
-      let value = (this.pool[i % 4] ^ multiplier) >>> 0;
-      multiplier = Math.imul(multiplier, 0x58f38ded) >>> 0;
-      value = Math.imul(value, multiplier) >>> 0;
-      return (value ^ (value >>> 16)) >>> 0;
-    });
+    const hash = hasher(0x8b51f9dd, 0x58f38ded);
+    return Array.from({ length: count }, (_, i) => hash(this.pool[i % 4]));
   }
 
   spawn(count) {

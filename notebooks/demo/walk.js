@@ -5,37 +5,22 @@ const WALKS = 30, FIRST = DATA.firstWalks, SEEDS = 20; // FIRST: as in the store
 
 const walkView = {
   walk: null,
-  errors: [], // after each walk of this run
-  known: new Map(), // errors of many seeds
-
-  settings({ rule, onZero, clip }, seed = state.seed) {
-    return { rule, onZero, clip, stepSize: state.alpha, seed };
-  },
+  known: new Map(), // errors of many seeds, by step size, number of walks and rule
 
   // Make the run anew, as far as it had come. The same seed takes the same way, whatever the rule.
   rebuild() {
-    this.walk = new Walk(this.settings(ruleOf(chosen())));
-    this.errors = [];
-    this.lost = false;
+    this.walk = new Walk(lambdaSpec(chosen()), state.alpha, state.seed);
     const made = state.at;
     state.at = 0;
-    while (state.at < made && !this.lost) this.advance();
+    while (state.at < made && this.advance());
     this.compare();
     this.show();
   },
 
   advance() {
-    if (this.lost) return;
-    const before = this.walk.walks;
-    try {
-      this.walk.step();
-    } catch (error) {
-      if (!(error instanceof Diverged)) throw error;
-      this.lost = true;
-      return;
-    }
-    state.at++;
-    if (this.walk.walks > before) this.errors.push(this.walk.error);
+    const moved = this.walk.step();
+    state.at += moved;
+    return moved;
   },
 
   step() {
@@ -48,7 +33,7 @@ const walkView = {
   finish(more = 1) {
     state.pick = -1;
     const wanted = this.walk.walks + more;
-    while (this.walk.walks < wanted && !this.lost) this.advance();
+    while (this.walk.walks < wanted && this.advance());
     this.show();
   },
 
@@ -58,12 +43,16 @@ const walkView = {
   },
 
   show() {
-    for (const chart of ["chain", "trace", "error", "best"]) this[chart].refresh();
+    refresh("w-");
     noteAddress();
   },
 
   get steps() {
-    return this.walk.steps ?? [];
+    return this.walk.steps;
+  },
+
+  get over() {
+    return this.walk.diverged;
   },
 
   // The step that is looked at, an index, or -1 where there is none.
@@ -90,9 +79,11 @@ const walkView = {
         for (const text of new Set([...FIXED, ...kept(), chosen()])) {
           const runs = this.runs(text, alpha, walks);
           if (runs.length > seed) continue;
-          runs.push(this.errorsOf(ruleOf(text), alpha, walks, 1000 + seed));
-          this.error.refresh();
-          this.best.refresh();
+          const walk = new Walk(lambdaSpec(text), alpha, 1000 + seed);
+          walk.finish(walks);
+          runs.push(Array.from({ length: walks + 1 }, (_, k) => (walk.diverged ? Infinity : walk.errors[k])));
+          refresh("w-error");
+          refresh("w-best");
           yield;
         }
       }
@@ -101,55 +92,34 @@ const walkView = {
 
   // The error before and after each walk, seed by seed, as far as that is worked out.
   runs(text, alpha, walks) {
-    const key = `${alpha} ${walks} ${text}`;
-    if (!this.known.has(key)) this.known.set(key, []);
-    return this.known.get(key);
-  },
-
-  errorsOf(rule, alpha, walks, seed) {
-    const walk = new Walk({ ...this.settings(rule, seed), stepSize: alpha }), errors = [walk.error];
-    try {
-      for (let k = 0; k < walks; k++) {
-        walk.walk();
-        errors.push(walk.error);
-      }
-    } catch (error) {
-      if (!(error instanceof Diverged)) throw error;
-      errors.fill(Infinity);
-      while (errors.length <= walks) errors.push(Infinity);
-    }
-    return errors;
+    return remember(this.known, `${alpha} ${walks} ${text}`, () => []);
   },
 
   // Mean over the seeds after each walk; without a seed, of nothing.
   means(text) {
     const runs = this.runs(text, state.alpha, WALKS);
-    return runs.length ? runs[0].map((_, k) => sum(runs.map((errors) => errors[k])) / runs.length) : [];
+    return runs.length ? runs[0].map((_, k) => mean(runs.map((errors) => errors[k]))) : [];
   },
 
   // As the stored study measures it: at each of its step sizes the mean of the first walks' errors, and of the seeds.
   sweep(text) {
     return DATA.stepSizes.flatMap((alpha) => {
       const runs = this.runs(text, alpha, FIRST);
-      return runs.length ? [{ alpha, error: sum(runs.map((errors) => sum(errors.slice(1)) / FIRST)) / runs.length }] : [];
+      return runs.length ? [{ alpha, error: mean(runs.map((errors) => mean(errors.slice(1)))) }] : [];
     });
   },
 
+  // Of the walk that is shown, from 1.
+  get number() {
+    return this.walk.walks + this.walk.underWay;
+  },
+
   table() {
-    const columns = ["walk", "step", "state", "after", "reward", "delta", "lambda", "reset", "ratio", ...TRUE_VALUES.map((_, i) => `trace_${i}`)];
-    const number = this.walk.walks + +this.walk.underWay;
-    return [columns, this.steps.map((s, t) => [number, t + 1, s.state, s.after, s.reward, s.delta, s.lambda, s.clipped, s.ratio, ...s.trace])];
+    const named = ["state", "after", "reward", "delta", "lambda", "clipped", "ratio"];
+    const columns = ["walk", "step", ...named.map((name) => (name === "clipped" ? "reset" : name)), ...TRUE_VALUES.map((_, s) => `trace_${s}`)];
+    return [columns, this.steps.map((step, t) => [this.number, t + 1, ...named.map((name) => step[name]), ...step.trace])];
   },
 };
-
-// Columns of the figures over time: as many of the last steps as fit.
-function timeAxis(width, total) {
-  const u = unit(), left = 52 * u, right = width - 12 * u;
-  const shown = Math.min(total, Math.floor((right - left) / (5 * u)));
-  const first = total - shown;
-  const cell = (right - left) / Math.max(shown, 24);
-  return { left, right, first, cell, x: (t) => left + (t - first + 0.5) * cell };
-}
 
 // How much of the error of step k reaches step t: the product of the lambdas after t, up to k.
 function reach(steps, t, k) {
@@ -159,70 +129,64 @@ function reach(steps, t, k) {
 }
 
 function paintChain(ctx, width, height) {
-  const u = unit(), { learner } = walkView.walk, steps = walkView.steps;
-  const left = 52 * u, right = width - 12 * u, t = walkView.chosen;
-  const values = [...learner.weights];
+  const u = unit(), { walk, steps, chosen } = walkView, now = steps[chosen], trace = now?.trace ?? [];
+  const left = 52 * u, right = width - 12 * u, values = [...walk.learner.weights];
   const most = Math.min(1e6, Math.max(1, ...values.map(Math.abs).filter(Number.isFinite)));
-  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 48 * u, x: [-1.4, STATES + 0.4], y: [-most, most], yLabel: "value of a state: learnt (dots) and true (dashed)" });
-  curve(ctx, TRUE_VALUES.map((value, s) => [box.x(s), box.y(value)]), colour("soft"), 1.3, [6, 4]);
-  curve(ctx, values.map((value, s) => [box.x(s), box.y(value)]), colour("blue-line"), 1.5);
-  values.forEach((value, s) => disc(ctx, box.x(s), box.y(value), 3.5 * u, colour("blue-line")));
+  const box = panel(ctx, {
+    left, right, top: 22 * u, bottom: height - 48 * u, x: [-1.4, STATES + 0.4], y: [-most, most],
+    yLabel: "value of a state: learnt (dots) and true (dashed)",
+  });
+  const blue = colour("blue-line"), points = (list) => list.map((value, s) => [box.x(s), box.y(value)]);
+  curve(ctx, points(TRUE_VALUES), colour("soft"), 1.3, [6, 4]);
+  curve(ctx, points(values), blue, 1.5);
+  for (const point of points(values)) disc(ctx, ...point, 3.5 * u, blue);
   const y = height - 24 * u, radius = Math.min(12 * u, (0.42 * (right - left)) / STATES);
-  const trace = t < 0 ? null : steps[t].trace;
   ctx.lineWidth = 1.2 * u;
   for (let s = 0; s < STATES; s++) {
-    disc(ctx, box.x(s), y, radius, trace && Math.abs(trace[s]) > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
+    disc(ctx, box.x(s), y, radius, Math.abs(trace[s]) > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
   }
-  const at = t < 0 ? (STATES - 1) / 2 : steps[t].after;
   ctx.lineWidth = 2.5 * u;
-  disc(ctx, box.x(at), y, radius + 3.5 * u, null, colour("orange-line"));
-  const now = t < 0 ? null : steps[t];
-  const where = !now ? "" : now.after < 0 ? "out at the left, reward −1" : now.after >= STATES ? "out at the right, reward 1" : `to state ${now.after}`;
-  title("w-chain", walkView.lost
-    ? "The weights have left the finite numbers: this rule and step size diverge"
-    : now ? `Walk ${walkView.walk.walks + +walkView.walk.underWay}, step ${t + 1}: from state ${now.state} ${where}; δ = ${short(now.delta)}, λ = ${short(now.lambda)}`
-      : "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play, or 10 walks");
+  disc(ctx, box.x(now ? now.after : (STATES - 1) / 2), y, radius + 3.5 * u, null, colour("orange-line"));
+  if (walk.diverged) return "The weights have left the finite numbers: this rule and step size diverge";
+  if (!now) return "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play, or 10 walks";
+  const where = now.after < 0 ? "out at the left, reward −1" : now.after >= STATES ? "out at the right, reward 1" : `to state ${now.after}`;
+  const number = walkView.number, said = `δ = ${short(now.delta)}, λ = ${short(now.lambda)}`;
+  return `Walk ${number}, step ${chosen + 1}: from state ${now.state} ${where}; ${said}`;
 }
 
 function paintTrace(ctx, width, height) {
-  const u = unit(), steps = walkView.steps, chosen = walkView.chosen;
-  const { left, right, first, cell, x } = timeAxis(width, steps.length);
+  const u = unit(), { steps, chosen } = walkView, axis = timeAxis(width, steps.length), { left, right, first, cell, x } = axis;
   const top = 44 * u, bottom = 0.5 * height, forward = state.look === "forward";
-  const rows = forward ? Math.max(24, steps.length - first) : STATES;
-  const tall = (bottom - top) / rows;
+  const rows = forward ? Math.max(24, steps.length - first) : STATES, tall = (bottom - top) / rows;
   const y = (row) => (forward ? top + row * tall : bottom - (row + 1) * tall);
-  ctx.fillStyle = colour("ground");
-  ctx.fillRect(left, top, right - left, bottom - top);
+  const paintCell = (k, row, value) => block(ctx, x(k) - cell / 2, y(row), cell + 0.5, tall + 0.5, traceColour(value));
+  block(ctx, left, top, right - left, bottom - top, colour("ground"));
   for (let k = first; k < steps.length; k++) {
     if (forward) {
-      for (let t = k, weight = 1; t >= first && weight > 1e-3; weight *= steps[t].lambda, t--) {
-        ctx.fillStyle = traceColour(weight);
-        ctx.fillRect(x(k) - cell / 2, y(t - first), cell + 0.5, tall + 0.5);
-      }
+      for (let t = k, weight = 1; t >= first && weight > 1e-3; weight *= steps[t].lambda, t--) paintCell(k, t - first, weight);
     } else {
       steps[k].trace.forEach((value, s) => {
         if (Math.abs(value) < 1e-3) return;
-        ctx.fillStyle = traceColour(value);
-        ctx.fillRect(x(k) - cell / 2, y(s), cell + 0.5, tall + 0.5);
+        paintCell(k, s, value);
         if (value > MOST && cell > 7) disc(ctx, x(k), y(s) + tall / 2, 1.6 * u, "#222222");
       });
     }
   }
-  text(ctx, forward ? "row: a step; column: an error that changes it" : "trace of each state (row) at each step (column)", left, 14 * u, { base: "bottom" });
+  const what = forward ? "row: a step; column: an error that changes it" : "trace of each state (row) at each step (column)";
+  text(ctx, what, left, 14 * u, { base: "bottom" });
   paintScale(ctx, left, 22 * u, u);
-  if (!forward) [0, 9, 18].forEach((s) => text(ctx, s, left - 6 * u, y(s) + tall / 2, { align: "right", fill: colour("soft") }));
+  if (!forward) for (const s of [0, 9, 18]) text(ctx, s, left - 6 * u, y(s) + tall / 2, { align: "right", fill: colour("soft") });
   if (chosen >= first) {
+    const from = x(chosen) - cell / 2, wide = Math.max(cell, 2 * u);
     ctx.strokeStyle = colour("orange-line");
     ctx.lineWidth = 2 * u;
-    if (forward) ctx.strokeRect(x(chosen) - cell / 2, y(chosen - first), right - x(chosen) + cell / 2, Math.max(tall, 3 * u));
-    else ctx.strokeRect(x(chosen) - cell / 2, top, Math.max(cell, 2 * u), bottom - top);
-    if (!forward && state.row >= 0) ctx.strokeRect(x(chosen) - cell / 2, y(state.row), Math.max(cell, 2 * u), tall);
+    if (forward) ctx.strokeRect(from, y(chosen - first), right - from, Math.max(tall, 3 * u));
+    else ctx.strokeRect(from, top, wide, bottom - top);
+    if (!forward && state.row >= 0) ctx.strokeRect(from, y(state.row), wide, tall);
   }
-  const seen = steps.slice(first);
-  stems(ctx, seen, (t) => x(t + first), { left, right, top: bottom + 34 * u, middle: bottom + 0.5 * (height - bottom) + 12 * u, bottom: height - 22 * u }, chosen - first);
-  text(ctx, `step ${first + 1}`, left, height - 4 * u, { base: "bottom", fill: colour("soft") });
-  if (steps.length > 1) text(ctx, `${steps.length}`, x(steps.length - 1), height - 4 * u, { base: "bottom", align: "center", fill: colour("soft") });
-  title("w-trace", traceTitle(steps, chosen, forward));
+  const middle = bottom + 0.5 * (height - bottom) + 12 * u;
+  stems(ctx, steps, axis, { top: bottom + 34 * u, middle, bottom: height - 22 * u }, chosen);
+  return traceTitle(steps, chosen, forward);
 }
 
 // The same colour for the same trace, whatever the rule: up to 1, and one more above it, and below 0.
@@ -230,104 +194,99 @@ const MOST = 1 + 1e-9;
 const traceColour = (value) => (value > MOST ? "#D55E00" : value < 0 ? "#CC79A7" : cividis(value));
 
 function paintScale(ctx, left, top, u) {
-  const wide = 90 * u, tall = 9 * u, small = { size: 11, fill: colour("soft"), base: "middle" };
-  text(ctx, "0", left, top + tall / 2, small);
-  for (let k = 0; k < 45; k++) {
-    ctx.fillStyle = cividis(k / 44);
-    ctx.fillRect(left + 11 * u + (k * wide) / 45, top, wide / 45 + 0.5, tall);
-  }
-  text(ctx, "1", left + wide + 15 * u, top + tall / 2, small);
-  ctx.fillStyle = traceColour(2);
-  ctx.fillRect(left + wide + 36 * u, top, 2 * tall, tall);
-  disc(ctx, left + wide + 36 * u + tall, top + tall / 2, 1.6 * u, "#222222");
-  text(ctx, "above 1", left + wide + 59 * u, top + tall / 2, small);
+  const wide = 90 * u, tall = 9 * u, right = left + wide;
+  const name = (label, x) => text(ctx, label, x, top + tall / 2, { size: 11, fill: colour("soft") });
+  name("0", left);
+  scaleBar(ctx, left + 11 * u, top, wide, tall);
+  name("1", right + 15 * u);
+  block(ctx, right + 36 * u, top, 2 * tall, tall, traceColour(2));
+  disc(ctx, right + 36 * u + tall, top + tall / 2, 1.6 * u, "#222222");
+  name("above 1", right + 59 * u);
   if (state.reset) return;
-  ctx.fillStyle = traceColour(-1);
-  ctx.fillRect(left + wide + 118 * u, top, 2 * tall, tall);
-  text(ctx, "below 0", left + wide + 141 * u, top + tall / 2, small);
+  block(ctx, right + 118 * u, top, 2 * tall, tall, traceColour(-1));
+  name("below 0", right + 141 * u);
 }
 
 function traceTitle(steps, chosen, forward) {
   if (chosen < 0) return forward ? "Forward: which later errors will change the state of a step" : "Backward: which states an error changes";
-  const lambdas = steps.slice(1), reset = lambdas.filter((step) => step.clipped).length;
-  const so = lambdas.length ? ` λ: ${short(sum(lambdas.map((step) => step.lambda)) / lambdas.length, 2)} on average, reset at ${reset} of ${count(lambdas.length, "step")}` : "";
-  if (!forward) {
-    const { trace } = steps[chosen], looked = state.row < 0 ? "" : `; the trace of state ${state.row} is ${short(trace[state.row])}`;
-    return `The error of step ${chosen + 1} changes ${count(trace.filter((value) => Math.abs(value) > 0.01).length, "state")}${looked}.${so}`;
+  const lambdas = steps.slice(1).map(({ lambda }) => lambda), step = `step ${chosen + 1}`;
+  const resets = steps.slice(1).filter(({ clipped }) => clipped).length;
+  const said = lambdas.length ? ` λ: ${short(mean(lambdas), 2)} on average, reset at ${resets} of ${count(lambdas.length, "step")}` : "";
+  if (forward) {
+    const weights = steps.slice(chosen).map((_, k) => reach(steps, chosen, chosen + k)).filter((weight) => weight > 0.01);
+    const errors = `the errors of ${count(weights.length, "step")}, their weights ${short(sum(weights))} in all`;
+    return `What is learnt of ${step} is made of ${errors}.${said}`;
   }
-  const weights = steps.map((_, k) => (k < chosen ? 0 : reach(steps, chosen, k))).filter((weight) => weight > 0.01);
-  return `What is learnt of step ${chosen + 1} is made of the errors of ${count(weights.length, "step")}, their weights ${short(sum(weights), 3)} in all.${so}`;
+  const { trace } = steps[chosen], changed = trace.filter((value) => Math.abs(value) > 0.01).length;
+  const looked = state.row < 0 ? "" : `; the trace of state ${state.row} is ${short(trace[state.row])}`;
+  return `The error of ${step} changes ${count(changed, "state")}${looked}.${said}`;
 }
 
-// Of rules: chosen and kept ones in colours, fixed ones in grey, each named at its end. ends are filled.
-function paintRules(ctx, box, high, ends, of) {
-  for (const text of FIXED) {
-    const points = of(text);
-    if (!points.length || compared().some((one) => one.text === text)) continue;
-    curve(ctx, points.map(([x, y]) => [box.x(x), box.y(Math.min(y, 2 * high))]), colour("edge"), 1.2, [3, 3]);
-    ends.push([`λ = ${text.slice(6)}`, box.y(Math.min(points.at(-1)[1], high)), "soft"]);
-  }
-  for (const { text, name, paint, dash } of compared()) {
-    const points = of(text);
-    if (!points.length) continue;
-    curve(ctx, points.map(([x, y]) => [box.x(x), box.y(Math.min(y, 2 * high))]), colour(`${paint}-line`), text === chosen() ? 3.2 : 2.2, dash);
-    ends.push([name, box.y(Math.min(points.at(-1)[1], high)), paint]);
-  }
+// The room that a figure of rules leaves for their names.
+function ruleFrame(ctx, width, height) {
+  const names = [...compared().map(({ name }) => name), "λ = 0.9"], u = unit();
+  return { left: 52 * u, right: width - widest(ctx, names), top: 22 * u, bottom: height - 42 * u };
 }
 
-const names = () => [...compared().map((one) => one.name), "λ = 0.9"];
+// Curves of rules, chosen and kept ones in colours, fixed ones in grey, each named at its end. points: of a rule's text.
+function paintRules(ctx, box, high, points) {
+  const u = unit(), ends = [];
+  const paint = (text, name, ink, label, ...look) => {
+    const found = points(text);
+    if (!found.length) return;
+    curve(ctx, found.map(([x, y]) => [box.x(x), box.y(Math.min(y, 2 * high))]), ink, ...look);
+    ends.push([name, box.y(Math.min(found.at(-1)[1], high)), label]);
+  };
+  inside(ctx, box, () => {
+    for (const text of FIXED) {
+      if (!compared().some((rule) => rule.text === text)) paint(text, `λ = ${text.slice(6)}`, colour("edge"), "soft", 1.2, [3, 3]);
+    }
+    for (const rule of compared()) {
+      paint(rule.text, rule.name, colour(`${rule.paint}-line`), rule.paint, rule.text === chosen() ? 3.2 : 2.2, rule.dash);
+    }
+  });
+  if (ends.length) labelEnds(ctx, ends, box.right + 8 * u, 30 * u, box.bottom);
+}
 
-// "0.154 with gate, 0.159 with form 2": the chosen rule first.
-const listed = (of) => compared().reverse().map(({ text, name }) => `${of(text)} with ${name}`).join(", ");
-
-function clipped(ctx, { left, right, top, bottom }, paint) {
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(left, top - 2, right - left + 2, bottom - top + 3);
-  ctx.clip();
-  paint();
-  ctx.restore();
+// "0.154 with gate, 0.159 with form 2; 0.111 with the best fixed λ, 0.8": the chosen rule first.
+function errorsSaid(errorOf, digits) {
+  const said = (text) => (errorOf(text) === Infinity ? "diverges" : Number.isNaN(errorOf(text)) ? "…" : short(errorOf(text), digits));
+  const best = FIXED.reduce((a, b) => (errorOf(b) < errorOf(a) ? b : a));
+  const rules = compared().reverse().map(({ text, name }) => `${said(text)} with ${name}`);
+  return `${rules.join(", ")}; ${said(best)} with the best fixed λ, ${best.slice(6)}`;
 }
 
 function paintErrors(ctx, width, height) {
-  const u = unit(), left = 52 * u, right = width - widest(ctx, names()), ends = [];
-  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [0, WALKS], y: [0, 0.65], xTicks: [0, 10, 20, 30], xLabel: "walks", yLabel: "error of the values (root of the mean square)" });
-  const { length } = walkView.runs(chosen(), state.alpha, WALKS);
-  const start = Math.sqrt(sum(TRUE_VALUES.map((value) => value ** 2)) / STATES);
-  clipped(ctx, box, () => {
-    paintRules(ctx, box, 0.65, ends, (text) => walkView.means(text).map((error, k) => [k, error]));
-    [start, ...walkView.errors].slice(0, WALKS + 1).forEach((error, k) => disc(ctx, box.x(k), box.y(error), 2.6 * u, colour("ink")));
-  });
-  const at = `At α = ${short(state.alpha)}`;
-  if (!length) return title("w-error", `${at}, ${WALKS} walks of many seeds: being worked out …`);
-  labelEnds(ctx, ends, right + 8 * u, 30 * u, height - 42 * u);
+  const axes = { x: [0, WALKS], y: [0, 0.65], xTicks: [0, 10, 20, 30], xLabel: "walks" };
+  const box = panel(ctx, { ...ruleFrame(ctx, width, height), ...axes, yLabel: "error of the values (root of the mean square)" });
+  paintRules(ctx, box, 0.65, (text) => walkView.means(text).map((error, k) => [k, error]));
+  inside(ctx, box, () => walkView.walk.errors.slice(0, WALKS + 1).forEach((error, k) => {
+    disc(ctx, box.x(k), box.y(error), 2.6 * unit(), colour("ink"));
+  }));
+  const at = `At α = ${short(state.alpha)}`, { length } = walkView.runs(chosen(), state.alpha, WALKS);
+  if (!length) return `${at}, ${WALKS} walks of many seeds: being worked out …`;
   const last = (text) => walkView.means(text)[WALKS] ?? NaN;
-  const best = FIXED.reduce((a, b) => (last(b) < last(a) ? b : a));
-  const told = (text) => (last(text) === Infinity ? "diverges" : Number.isNaN(last(text)) ? "…" : short(last(text)));
-  title("w-error", `${at}, error after ${WALKS} walks (mean of ${count(length, "seed")}): ${listed(told)}; ${told(best)} with the best fixed λ, ${best.slice(6)}`);
+  return `${at}, error after ${WALKS} walks (mean of ${count(length, "seed")}): ${errorsSaid(last, 3)}`;
 }
 
 function paintBest(ctx, width, height) {
-  const u = unit(), left = 52 * u, right = width - widest(ctx, names()), ends = [], sizes = DATA.stepSizes;
-  const box = panel(ctx, { left, right, top: 22 * u, bottom: height - 42 * u, x: [0, 1], y: [0.2, 0.65], yTicks: [0.2, 0.3, 0.4, 0.5, 0.6], xTicks: [0, 0.2, 0.4, 0.6, 0.8, 1], xLabel: "step size α", yLabel: `error, mean of the first ${FIRST} walks` });
-  clipped(ctx, box, () => {
+  const sizes = DATA.stepSizes, tenths = [0.2, 0.3, 0.4, 0.5, 0.6];
+  const axes = { x: [0, 1], y: [0.2, 0.65], yTicks: tenths, xTicks: [0, 0.2, 0.4, 0.6, 0.8, 1], xLabel: "step size α" };
+  const box = panel(ctx, { ...ruleFrame(ctx, width, height), ...axes, yLabel: `error, mean of the first ${FIRST} walks` });
+  inside(ctx, box, () => {
     if (sizes.at(-1) >= state.alpha) curve(ctx, [[box.x(state.alpha), box.top], [box.x(state.alpha), box.bottom]], colour("line"), 3);
-    paintRules(ctx, box, 0.65, ends, (text) => walkView.sweep(text).map(({ alpha, error }) => [alpha, error]));
   });
-  if (ends.length) labelEnds(ctx, ends, right + 8 * u, 30 * u, height - 42 * u);
-  if (walkView.runs(chosen(), sizes.at(-1), FIRST).length < SEEDS) return title("w-best", "Each rule at its best step size: being worked out …");
+  paintRules(ctx, box, 0.65, (text) => walkView.sweep(text).map(({ alpha, error }) => [alpha, error]));
+  if (walkView.runs(chosen(), sizes.at(-1), FIRST).length < SEEDS) return "Each rule at its best step size: being worked out …";
   const least = (text) => Math.min(...walkView.sweep(text).map(({ error }) => error));
-  const told = (text) => short(least(text), 2);
-  const best = FIXED.reduce((a, b) => (least(b) < least(a) ? b : a));
-  title("w-best", `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${listed(told)}; ${told(best)} with the best fixed λ, ${best.slice(6)}`);
+  return `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${errorsSaid(least, 2)}`;
 }
 
 function setUpWalk() {
-  walkView.chain = new Chart("w-chain", 230, paintChain);
-  walkView.trace = new Chart("w-trace", 430, paintTrace);
-  walkView.error = new Chart("w-error", 330, paintErrors);
-  walkView.best = new Chart("w-best", 330, paintBest);
-  const canvas = walkView.trace.canvas;
+  new Chart("w-chain", 230, paintChain);
+  const { canvas } = new Chart("w-trace", 430, paintTrace);
+  new Chart("w-error", 330, paintErrors);
+  new Chart("w-best", 330, paintBest);
   canvas.addEventListener("click", (event) => {
     const { left, first, cell } = timeAxis(canvas.clientWidth, walkView.steps.length);
     const step = first + Math.floor((event.offsetX - left) / cell);

@@ -1,7 +1,7 @@
 // The robot and its world, as in homing_lib: robot.py, features.py, environment.py, and atlas.py over compact.atlas.
 
 const FRONT_SENSORS = [1, 2, 3, 4]; // 45, 10, -10 and -45 degrees from the heading
-const [LEFT, RIGHT, FORWARD] = [0, 1, 2];
+const [LEFT, RIGHT] = [0, 1];
 
 const radians = (degrees) => (degrees * Math.PI) / 180;
 
@@ -38,34 +38,29 @@ function pairwiseSum(values, from = 0, count = values.length) {
 class Atlas {
   constructor(bytes) {
     const end = bytes.indexOf(10);
-    const header = JSON.parse(String.fromCharCode(...bytes.subarray(0, end)));
-    const arrays = {};
+    const { arrays, settings, room, x0, y0, margin_m: margin } = JSON.parse(String.fromCharCode(...bytes.subarray(0, end)));
+    const shapes = {}, content = {};
     let start = end + 1;
-    for (const [name, kind, shape] of header.arrays) {
+    for (const [name, kind, shape] of arrays) {
       const size = shape.reduce((a, b) => a * b) * (kind === "u1" ? 1 : 8);
       const part = bytes.slice(start, start + size);
-      arrays[name] = kind === "u1" ? part : new Float64Array(part.buffer);
+      shapes[name] = shape;
+      content[name] = kind === "u1" ? part : new Float64Array(part.buffer);
       start += size;
     }
-    const shape = Object.fromEntries(header.arrays.map(([name, , shape]) => [name, shape]));
-    const { atlas_spacing_m: spacing, atlas_heading_deg: turn, image_size: size } = header.settings;
-    this.room = header.room;
-    [this.nx, this.ny] = shape.clearance_m;
-    [, this.headings, this.bins] = shape.counts_low;
-    this.spacing = spacing;
-    this.x0 = header.x0;
-    this.y0 = header.y0;
-    this.heading0 = header.room.home[2];
-    this.perMetre = 1 / spacing;
+    Object.assign(this, { room, x0, y0, spacing: settings.atlas_spacing_m, heading0: room.home[2] });
+    [this.nx, this.ny] = shapes.clearance_m;
+    [, this.headings, this.bins] = shapes.counts_low;
+    this.perMetre = 1 / this.spacing;
     this.perRadian = this.headings / (2 * Math.PI);
-    this.pixels = size * size;
-    this.clearances = arrays.clearance_m;
-    this.readings = arrays.infrared_m;
-    this.counts = new Uint16Array(arrays.counts_low); // by loops here and below, which are ten times as fast as maps
-    for (let i = 0; i < this.counts.length; i++) this.counts[i] |= arrays.counts_high[i] << 8;
+    this.pixels = settings.image_size ** 2;
+    this.clearances = content.clearance_m;
+    this.readings = content.infrared_m;
+    this.counts = new Uint16Array(content.counts_low); // by loops here and below, which are ten times as fast as maps
+    for (let i = 0; i < this.counts.length; i++) this.counts[i] |= content.counts_high[i] << 8;
     let next = 0;
     this.positions = Array.from(this.clearances, (clearance) => {
-      if (clearance < -header.margin_m) return -1;
+      if (clearance < -margin) return -1;
       next += this.headings;
       return next - this.headings;
     });
@@ -97,6 +92,11 @@ class Atlas {
     v -= j;
     const low = i * this.ny + j, high = low + this.ny, c = this.clearances;
     return (1 - u) * ((1 - v) * c[low] + v * c[low + 1]) + u * ((1 - v) * c[high] + v * c[high + 1]);
+  }
+
+  // Where the lattice has its n-th position.
+  positionAt(n) {
+    return { x: this.x0 + Math.floor(n / this.ny) * this.spacing, y: this.y0 + (n % this.ny) * this.spacing };
   }
 
   nearest({ x, y, heading }) {
@@ -140,21 +140,16 @@ function drive(pose, left, right, wheelBase, world) {
   return [arc(pose, free * left, free * right, wheelBase), true];
 }
 
-// The way of the [left, right] wheel for each action, metres.
-function wheelCommands(s) {
-  const difference = (radians(s.turn_deg) * s.wheel_base_m) / 2;
-  const slow = s.turn_advance_m - difference, fast = s.turn_advance_m + difference;
-  return [[slow, fast], [fast, slow], [s.forward_m, s.forward_m]];
+// How far the wheels go, [left, right], for each action and for each turn in place, metres.
+function wheelCommands({ turn_deg, wheel_base_m, turn_advance_m, forward_m }) {
+  const turn = (radians(turn_deg) * wheel_base_m) / 2;
+  const slow = turn_advance_m - turn, fast = turn_advance_m + turn;
+  return { actions: [[slow, fast], [fast, slow], [forward_m, forward_m]], turns: [[-turn, turn], [turn, -turn]] };
 }
 
 class Robot {
   constructor(world, settings, pose) {
-    this.world = world;
-    this.wheelBase = settings.wheel_base_m;
-    this.clearWay = settings.clear_way_m;
-    this.commands = wheelCommands(settings);
-    const turn = (radians(settings.turn_deg) * settings.wheel_base_m) / 2;
-    this.turns = [[-turn, turn], [turn, -turn]];
+    Object.assign(this, { world, settings }, wheelCommands(settings));
     this.place(pose);
   }
 
@@ -167,17 +162,23 @@ class Robot {
   act(action, rng) {
     const reflex = this.reflex;
     if (reflex !== null) action = reflex;
-    const [left, right] = reflex === null ? this.commands[action] : this.turns[reflex];
+    const [left, right] = reflex === null ? this.actions[action] : this.turns[reflex];
+    const { world, settings: { wheel_base_m: wheelBase, clear_way_m: clearWay } } = this;
     let stopped;
-    [this.pose, stopped] = drive(this.pose, left, right, this.wheelBase, this.world);
-    if (stopped) {
-      this.reflex = rng.random() < 0.5 ? LEFT : RIGHT;
-    } else if (reflex !== null) {
-      const readings = this.world.infrared(this.pose);
-      if (FRONT_SENSORS.every((k) => readings[k] >= this.clearWay)) this.reflex = null;
+    [this.pose, stopped] = drive(this.pose, left, right, wheelBase, world);
+    if (stopped) this.reflex = rng.random() < 0.5 ? LEFT : RIGHT;
+    else if (reflex !== null) {
+      const readings = world.infrared(this.pose);
+      if (FRONT_SENSORS.every((k) => readings[k] >= clearWay)) this.reflex = null;
     }
     return [action, stopped || reflex !== null];
   }
+}
+
+// What a map holds under a key; made the first time.
+function remember(map, key, make) {
+  if (!map.has(key)) map.set(key, make());
+  return map.get(key);
 }
 
 // What a generator returns in the end.
@@ -203,13 +204,10 @@ function* surveying(world, settings, home, rng) {
     seen.push(world.nearest(robot.pose));
     yield;
   }
-  const views = new Map(seen.map((number) => [number, world.view(number)]));
-  const rows = seen.map((number) => views.get(number));
-  const mean = new Float64Array(world.bins), perBin = new Float64Array(world.bins);
-  for (const row of rows) for (let i = 0; i < mean.length; i++) mean[i] += row[i];
-  for (let i = 0; i < mean.length; i++) mean[i] /= rows.length;
-  for (const row of rows) for (let i = 0; i < mean.length; i++) perBin[i] += (row[i] - mean[i]) * (row[i] - mean[i]);
-  for (let i = 0; i < mean.length; i++) perBin[i] /= rows.length - 1;
+  const views = new Map();
+  const rows = seen.map((number) => remember(views, number, () => world.view(number)));
+  const mean = snapshot.map((_, i) => sum(rows.map((row) => row[i])) / rows.length);
+  const perBin = mean.map((centre, i) => sum(rows.map((row) => (row[i] - centre) * (row[i] - centre))) / (rows.length - 1));
   const floor = (settings.variance_floor_pixels / settings.image_size ** 2) ** 2;
   return { snapshot, variance: Math.max(pairwiseSum(perBin) / perBin.length, floor) };
 }
@@ -236,12 +234,10 @@ function freePose(world, [width, depth], rng) {
 
 // --- The task -------------------------------------------------------------------------------------------------------
 
-const CONSTANT_COST = sum(Array.from({ length: 100 }, (_, i) => 1 / (i + 1))) / 100;
-
 // Eq. (16), and the wall penalty of section V.A.
 function rewardOf(step, now, before, psiLower, atWall, settings) {
-  let gain = settings.step_cost === "1/t" ? -1 / step : -CONSTANT_COST;
-  if (settings.approach_reward && now >= psiLower && before >= psiLower) gain += 2 * now - before;
+  let gain = -1 / step;
+  if (now >= psiLower && before >= psiLower) gain += 2 * now - before;
   return atWall ? gain - settings.wall_penalty : gain;
 }
 
@@ -250,8 +246,7 @@ const poseOf = ([x, y, heading]) => ({ x, y, heading });
 class HomingEnv {
   // model: what an earlier survey from the same seed has found, if there was one.
   constructor(world, settings, surveySeed, worldSeed, model) {
-    this.world = world;
-    this.settings = settings;
+    Object.assign(this, { world, settings });
     this.home = poseOf(world.room.home);
     this.start = poseOf(world.room.start);
     this.psi = stoppingThresholds(settings.multiplier);
@@ -263,11 +258,10 @@ class HomingEnv {
 
   look() {
     const number = this.world.nearest(this.robot.pose);
-    if (!this.seen.has(number)) {
+    return remember(this.seen, number, () => {
       const phi = features(this.world.view(number), this.model);
-      this.seen.set(number, { phi, similarity: similarity(phi) });
-    }
-    return this.seen.get(number);
+      return { phi, similarity: similarity(phi) };
+    });
   }
 
   fits({ x, y }) {

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.environment import free_pose, survey
 from homing_lib.features import Array, HomeModel, bins_per_channel, histogram, similarity
 from homing_lib.robot import Robot, wrapped
 from homing_lib.rooms import Pose, room_named
@@ -16,6 +15,7 @@ from homing_lib.study.engine import run
 from homing_lib.study.findings import Comparison, Judged, bound, estimate, of, question
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import CAMERA_ROBOTS, ROOM_ROBOTS, ROOMS, labelled, rows, study
+from homing_lib.survey import free_pose, survey
 from homing_lib.thresholds import linear, stopping_thresholds
 
 FAR_M, TURNED_DEG = 0.25, 45.0

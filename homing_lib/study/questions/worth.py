@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.environment import HomingEnv, free_pose
+from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
@@ -22,6 +22,7 @@ from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, episode_matrix
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, of_kind, rows, study
+from homing_lib.survey import free_pose
 
 # --- All episodes counted ---------------------------------------------------------------------------------------------
 

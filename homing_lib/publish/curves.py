@@ -1,0 +1,210 @@
+"""Curves over episodes and step sizes, mean and interval, each with its name at its end."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from homing_lib.features import Array
+from homing_lib.publish.parts import beside, curve, label_ends, level, log_axis, mark, name_rows, note, panels
+from homing_lib.publish.style import BLUE, COLOURS, DASHED, GREY, INK, LINES, ORANGE, SKY, TEXT_WIDTH, shown_as, styled
+from homing_lib.study.bootstrap import Interval, band
+from homing_lib.study.findings import Comparison, Finding
+from homing_lib.study.rules import Rules
+
+
+@styled
+def learning_curves(
+    steps: Array,
+    rewards: Array,
+    changes: Array,
+    random_rewards: Array,
+    step_size_rate: Array,
+    first: Interval,
+    last: Interval,
+    random: Interval,
+    window: int,
+) -> Figure:
+    """Figure 6: steps, reward and parameter change per episode: mean and range of the runs, shape (runs, episodes).
+
+    random_rewards: of the uniform random policy; step_size_rate: the step size of each episode as a share of the
+    first's; first, last, random: mean steps over the first and last `window` episodes, and of the random policy.
+    """
+    figure = plt.figure(figsize=(TEXT_WIDTH, 4.3))
+    top, middle, right = figure.subplot_mosaic("ss;rc", height_ratios=[1.35, 1]).values()
+    episodes = np.arange(1, steps.shape[1] + 1)
+
+    _mean_and_range(top, episodes, steps)
+    top.axhspan(random.low, random.high, color=GREY, alpha=0.25, linewidth=0)
+    top.axhline(random.value, **DASHED)
+    at = episodes[-1] + 0.4, 1.08 * random.high
+    note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
+    for part, mean, name in ((slice(None, window), first, "first"), (slice(-window, None), last, "last")):
+        ends = episodes[part][0] - 0.4, episodes[part][-1] + 0.4
+        below = 0.85 * steps[:, part].min()
+        top.hlines(mean.value, *ends, color=ORANGE, linewidth=2.2)
+        top.vlines(ends[0], below, mean.value, color=ORANGE, linewidth=0.6)
+        note(top, f"{name} {window}: {_steps(mean)}", (ends[0], below), va="top", ha="left", color=ORANGE)
+    falls = f"Steps per episode fall from {first.value:.0f} to {last.value:.0f}"
+    top.set_title(falls if last.high < first.low else "Steps per episode: no fall shown")
+    log_axis(top, "y")
+    top.set(ylabel=f"steps: mean and range of {len(steps)} runs", ylim=(steps.min() * 0.5, None))
+
+    _mean_and_range(middle, episodes, rewards)
+    level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
+    middle.set(title="Reward per episode", ylabel="summed reward")
+
+    _mean_and_range(right, episodes, changes)
+    share = step_size_rate * np.nanmean(changes[:, 0]) / step_size_rate[0]
+    right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
+    beside(right, "the step size's own fall", (episodes[-1], share[-1]), (0, 11), ha="right")
+    right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
+    for axes in figure.axes:
+        axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
+    return figure
+
+
+def _mean_and_range(axes: Axes, episodes: NDArray[np.int64], table: Array) -> None:
+    finished = np.ma.masked_invalid(table)  # in an episode that no run finished there is nothing to draw
+    axes.fill_between(episodes, finished.min(axis=0), finished.max(axis=0), color=SKY, alpha=0.3, linewidth=0)
+    axes.plot(episodes, finished.mean(axis=0), "o-", color=BLUE, markersize=3)
+
+
+def _steps(mean: Interval) -> str:
+    return f"{mean.value:.0f} steps [{mean.low:.0f}, {mean.high:.0f}]"
+
+
+@styled
+def learns(atlas: Array, camera: Array, levels: Mapping[str, float], frozen: Mapping[int, Comparison]) -> Figure:
+    """Learning curves of the robots on the atlas and of those with the camera, shape (robots, episodes) each; levels by
+    name; and what the same robots take when they are frozen, by the number of episodes after which.
+    """
+    figure, (axes,) = panels(3.1)
+    episodes = np.arange(1, atlas.shape[1] + 1)
+    curve(axes, episodes, *band(atlas), (COLOURS["form 2"], "-"), alpha=0.25)
+    curve(axes, episodes, *band(camera), (COLOURS["camera"], (0, (4, 1.5))), alpha=0.25)
+    for after, steps in frozen.items():
+        axes.vlines(after, steps.low, steps.high, color=COLOURS["frozen"], linewidth=1.4)
+        axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
+        at = after, steps.value
+        beside(axes, f"frozen after {after}", at, (-6, 6), ha="right", color=COLOURS["frozen"])
+    axes.set(xlabel="episode", ylabel="steps per episode", xlim=(1, episodes[-1] + 0.3), yscale="log")
+    for name, value in levels.items():
+        level(axes, value, name)
+    log_axis(axes, "y")
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    beside(axes, f"{len(atlas):,} robots on the atlas", (6.2, 240), (0, 0), color=COLOURS["form 2"])
+    beside(axes, f"{len(camera)} with the camera", (1.5, 78), (0, 0), color=COLOURS["camera"])
+    return figure
+
+
+@styled
+def by_episode(title: str, tables: Mapping[str, Array], ylabel: str) -> Figure:
+    """Mean and 95 % interval over the runs, by episode. tables: by label, shape (runs, episodes)."""
+    figure, (axes,) = panels(2.7)
+    ends = _by_episode(axes, tables)
+    axes.set(title=title, ylabel=ylabel)
+    label_ends(axes, ends)
+    return figure
+
+
+def _by_episode(axes: Axes, tables: Mapping[str, Array]) -> dict[str, tuple[float, float]]:
+    """Draw mean and interval by episode; returns where each curve ends."""
+    ends = {}
+    for (name, table), line in zip(tables.items(), LINES, strict=False):
+        episodes = np.arange(1, table.shape[1] + 1)
+        middle, low, high = band(table)
+        curve(axes, episodes, middle, low, high, line)
+        ends[name] = float(episodes[-1]), float(middle[-1])
+    axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return ends
+
+
+@styled
+def rules(compared: Rules) -> Figure:
+    """How rules learn, and the total and the late steps of each as a multiple of the first's."""
+    (first, steps), *_ = compared.steps.items()
+    figure, (learning, against) = panels(2.6, 2, width_ratios=[1.4, 1])
+    ends = _by_episode(learning, compared.steps)
+    log_axis(learning, "y")
+    learning.set(title=f"mean of {len(steps)} robots", ylabel="steps per episode")
+    label_ends(learning, ends)
+    for place, label in enumerate(compared.verdicts):
+        for up, colour, comparisons in ((-0.14, INK, compared.verdicts), (0.14, GREY, compared.late)):
+            mark(against, comparisons[label], place + up, shown_as(comparisons[label].verdict, colour))
+    against.axvline(1, **DASHED, zorder=0)
+    against.set_title("left of 1: fewer steps")
+    log_axis(against, "x", narrow=True)
+    name_rows(against, compared.verdicts, ticks=3.5)
+    against.set_xlabel(f"steps / those of {first}\n(black: total; grey: last five, typical)", loc="right")
+    return figure
+
+
+@styled
+def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], starts: Mapping[str, str]) -> Figure:
+    """Steps of all episodes so far, as a multiple of the climb's, by episode and room. starts: titles, by name."""
+    figure, grid = panels(2.7, len(starts), sharey=True)
+    for axes, (start, title) in zip(grid, starts.items(), strict=True):
+        ends = {}
+        for room, line in zip(rooms, LINES, strict=False):
+            ratios = np.array([finding[f"{room}.{start}.{number}"].interval for number in episodes])
+            middle, low, high = ratios.T
+            curve(axes, np.array(episodes), middle, low, high, line)
+            ends[room] = float(episodes[-1]), float(middle[-1])
+        axes.axhline(1, **DASHED)
+        axes.set(title=title, xlabel="episodes so far", xlim=(episodes[0], episodes[-1]))
+        log_axis(axes, "y")
+    label_ends(axes, ends)
+    grid[0].set_ylabel("steps / those of the climb")
+    return figure
+
+
+@styled
+def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str, top: float) -> Figure:
+    """A measure of runs against the step size. errors: by rule, shape (runs, step sizes); above `top`, not drawn."""
+    figure, (axes,) = panels(3.1)
+    ends: dict[str, tuple[float, float]] = {}
+    least = (np.inf, "", 0.0)
+    for (name, table), line in zip(errors.items(), LINES, strict=False):
+        mean, low, high = band(np.minimum(table, 1e6))
+        drawn = mean <= top
+        if not drawn.any():
+            ends[f"{name}: beyond {top:g}"] = step_sizes[0], top
+            continue
+        curve(axes, step_sizes[drawn], mean[drawn], low[drawn], np.minimum(high, top)[drawn], line)
+        best = mean.argmin()
+        least = min(least, (mean[best], name, step_sizes[best]))
+        axes.plot(step_sizes[best], mean[best], "o", color=line[0], markersize=4)
+        ends[name] = step_sizes[drawn][-1], mean[drawn][-1]
+    axes.set(xlabel="step size $\\alpha$", ylabel=ylabel, xscale="log", ylim=(None, top))
+    axes.set_title(f"Least with {least[1]}: {least[0]:.2f} at {least[2]:g} (dots: the best step size of each)")
+    axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
+    axes.minorticks_off()
+    label_ends(axes, ends)
+    return figure
+
+
+@styled
+def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
+    """Cumulative shares of the error of the similarity, by lattice; band_width: between the two thresholds."""
+    figure, (axes,) = panels(2.6, share=0.85)
+    widest = max(float(np.quantile(error, 0.995)) for error in errors.values())
+    within = {name: float((error < band_width).mean()) for name, error in errors.items()}
+    downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
+    for name, (colour, dashes) in zip(downwards, LINES, strict=False):
+        share = 100 * np.arange(1, errors[name].size + 1) / errors[name].size
+        label = f"{name} ({within[name]:.0%} within the band)"
+        axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)
+    axes.legend(loc="lower right", labelcolor="linecolor", handlelength=3)
+    axes.axvline(band_width, **DASHED)
+    beside(axes, "$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0))
+    least, most = min(within.values()), max(within.values())
+    axes.set(xlabel="|NRB of the atlas − NRB of the camera|", xlim=(0, widest))
+    axes.set(ylabel="random poses (%)", ylim=(0, 101))
+    axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
+    return figure

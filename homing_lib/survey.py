@@ -1,0 +1,47 @@
+"""What the robot does before it learns: it looks at its home, then drives about at random (section III.A-B)."""
+
+from collections.abc import Callable
+from math import radians
+from typing import Any
+
+import numpy as np
+
+from homing_lib.features import Array, HomeModel, bins_per_channel, difference_variance
+from homing_lib.robot import Robot, World
+from homing_lib.rooms import Pose, Room
+from homing_lib.settings import Settings
+
+
+def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
+    """What the robot sees on `survey_steps` uniformly random actions from home, reflex included: shape (steps, 3 B)."""
+    robot = Robot(world, settings, home)
+    seen = np.empty((settings.survey_steps, 3 * bins_per_channel(settings.bin_size)))
+    for row in seen:
+        robot.act(int(rng.integers(3)), rng)
+        row[:] = world.histogram(robot.pose)
+    return seen
+
+
+def survey(
+    world: World, settings: Settings, home: Pose, rng: np.random.Generator, *, wander: Callable[..., Array] = wander
+) -> HomeModel:
+    """What the robot does by itself before it learns: look at home, then drive about at random (section III.A-B, E9).
+
+    It takes the snapshots (the first facing home, further ones `snapshot_angle_deg` to either side), wanders, and
+    estimates sigma^2 from all that it saw.
+    """
+    angle = radians(settings.snapshot_angle_deg)
+    turns = (0.0, angle, -angle)[: settings.snapshots]
+    snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
+    seen = wander(world, settings, home, rng)
+    floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
+    how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
+    return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))
+
+
+def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:
+    """A pose drawn uniformly from those at which the body touches nothing."""
+    while True:
+        x, y = rng.uniform(0, room.size[0]), rng.uniform(0, room.size[1])
+        if world.clearance(x, y) >= 0:
+            return Pose(x, y, rng.uniform(-np.pi, np.pi))
