@@ -2,6 +2,7 @@
 
 import base64
 import json
+import shlex
 import shutil
 import subprocess
 import time
@@ -13,19 +14,10 @@ import websocket  # comes with Jupyter
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
-_QUIET = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-dev-shm-usage",
-    "--hide-scrollbars",
-    "--remote-debugging-port=0",
-    "--remote-allow-origins=*",
-]
+_QUIET = shlex.split(
+    "--headless --no-sandbox --disable-gpu --no-first-run --disable-background-networking --disable-component-update "
+    "--disable-sync --disable-dev-shm-usage --hide-scrollbars --remote-debugging-port=0 --remote-allow-origins=*"
+)
 
 _KEYS = {"Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
 
@@ -33,15 +25,12 @@ _KEYS = {"Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "Ar
 class Browser:
     """One page in a browser of its own."""
 
-    def __init__(self, profile: Path, width: int = 1280, height: int = 900, dark: bool = False) -> None:
+    def __init__(self, profile: Path) -> None:
         assert CHROMIUM is not None
         self.said: list[str] = []  # errors and warnings on the console
         self.asked: list[str] = []  # addresses that were requested
-        self._process = subprocess.Popen(
-            [CHROMIUM, *_QUIET, f"--user-data-dir={profile}", "about:blank"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        command = [CHROMIUM, *_QUIET, f"--user-data-dir={profile}", "about:blank"]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         ready = profile / "DevToolsActivePort"
         for _ in range(1200):
             if ready.exists() and "\n" in ready.read_text(encoding="utf-8"):
@@ -49,14 +38,11 @@ class Browser:
             time.sleep(0.1)
         port = ready.read_text(encoding="utf-8").split()[0]
         with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=30) as answer:
-            target = next(one for one in json.load(answer) if one["type"] == "page")
+            target = next(target for target in json.load(answer) if target["type"] == "page")
         self._socket = websocket.create_connection(target["webSocketDebuggerUrl"], timeout=60)
         self._number = 0
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
-        self.resize(width, height)
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.call("Emulation.setEmulatedMedia", features=[scheme])
 
     def __enter__(self) -> "Browser":
         return self
@@ -79,20 +65,19 @@ class Browser:
             self._note(message)
 
     def _note(self, message: dict[str, Any]) -> None:
-        told = message.get("params", {})
+        event, serious = message.get("params", {}), ("error", "warning")
         match message.get("method"):
             case "Runtime.exceptionThrown":
-                details = told["exceptionDetails"]
-                self.said.append(details.get("exception", {}).get("description", details["text"]))
-            case "Runtime.consoleAPICalled" if told["type"] in ("error", "warning"):
-                self.said.append(str([one.get("value") for one in told["args"]]))
-            case "Log.entryAdded" if told["entry"]["level"] in ("error", "warning"):
-                self.said.append(told["entry"]["text"])
+                self.said.append(json.dumps(event["exceptionDetails"]))
+            case "Runtime.consoleAPICalled" if event["type"] in serious:
+                self.said.append(json.dumps(event["args"]))
+            case "Log.entryAdded" if event["entry"]["level"] in serious:
+                self.said.append(event["entry"]["text"])
             case "Network.requestWillBeSent":
-                self.asked.append(told["request"]["url"])
+                self.asked.append(event["request"]["url"])
 
-    def resize(self, width: int, height: int, scale: float = 1) -> None:
-        metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": width < 600}
+    def resize(self, width: int, height: int) -> None:
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
 
     def open(self, address: str) -> None:
@@ -104,7 +89,7 @@ class Browser:
         """What an expression gives in the page."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
-            raise RuntimeError(answer["exceptionDetails"]["exception"].get("description", "exception"))
+            raise RuntimeError(json.dumps(answer["exceptionDetails"]))
         return answer["result"].get("value")
 
     def until(self, condition: str, seconds: float = 60) -> None:
@@ -128,11 +113,8 @@ class Browser:
 
     def drag(self, *places: tuple[float, float]) -> None:
         """Press at the first place, move to the others, let go at the last."""
-        for kind, (x, y) in (
-            ("mousePressed", places[0]),
-            *(("mouseMoved", place) for place in places[1:]),
-            ("mouseReleased", places[-1]),
-        ):
+        moves = [("mouseMoved", place) for place in places[1:]]
+        for kind, (x, y) in (("mousePressed", places[0]), *moves, ("mouseReleased", places[-1])):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
     def press(self, *keys: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import trim_mean
 
@@ -358,10 +358,13 @@ def test_a_rule_is_written_as_in_the_settings_and_ones_own_after_its_options(eng
         "own:delta delta_prev": "operator",
         "own:1 if delta > 0": "else b",
         "own:1 and": "missing",
+        "own:1 + if": "missing before “if”",
+        "own:* 2": "missing before “*”",
         "own:phi": "dot(phi, phi)",
         "own:phi·1": "vector",
         "own:dot(phi, delta)": "two vectors",
         "own:max(1)": "at least 2",
+        "own:abs(delta, 1)": "takes 1",
         "own:constructor": "constructor",
         "own:alert(1)": "“alert” is not known. There are",
     }.items(),
@@ -377,6 +380,7 @@ def test_a_rule_that_always_divides_by_zero_is_told_from_one_that_may(engine):
     assert never == [True, True, False, False]
 
 
+@settings(deadline=None)  # the engine's time is the machine's
 @given(st.lists(st.integers(0, 2000), min_size=1, max_size=12))
 def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
     rng = np.random.default_rng(0)

@@ -168,6 +168,7 @@ def test_a_rule_is_compared_over_seeds_with_those_chosen_before_it(browser):
     opened(browser, browser("address()") + "&seeds=2")
     browser.until("!robotView.working")
     said = title(browser, "r-curve")
+    assert "so far" not in said
     for rule in ("fletcher-reeves", "gate", "gate:opposite"):
         runs = [agent.run(Settings(images="compact", lambda_rule=rule), seed).lengths.tolist() for seed in (1, 2)]
         assert browser(f"robotView.rows('{rule}')") == runs
@@ -281,8 +282,13 @@ def test_the_links_to_frozen_robots_freeze_them_after_ten_episodes(browser):
         assert browser("robotView.steps.map((step) => step.frozen)") == [True] * 300
 
 
-def test_the_start_is_dragged_and_a_robot_under_way_is_kidnapped_where_it_fits(browser):
+def test_the_start_is_dragged_and_turned_and_a_robot_under_way_is_kidnapped_where_it_fits(browser):
     opened(browser, "view=robot")
+    x, y, heading = browser("Object.values(robotView.experiment.env.start)")
+    ahead = browser("handleAt(roomScale(at('r-room').clientWidth).scale)")
+    ring = x + ahead * np.cos(heading), y + ahead * np.sin(heading)
+    browser.drag(*in_room(browser, ring, (x + 0.1, y + 0.1), (x, y + 0.2)))
+    assert browser("Object.values(robotView.experiment.env.start)") == pytest.approx([x, y, np.pi / 2], abs=0.02)
     browser.drag(*in_room(browser, (0.25, 0.5), (0.3, 0.6), (0.4, 0.7)))
     assert browser("Object.values(robotView.experiment.env.start)")[:2] == pytest.approx([0.4, 0.7], abs=0.02)
     browser.click("#robot-step")
@@ -321,7 +327,7 @@ def test_everything_can_be_done_by_keyboard(browser):
     browser.press("Enter")
     browser.until("state.view === 'robot' && robotView.experiment")
     browser("at('r-room').focus()")
-    browser.press("ArrowRight", "ArrowUp", ",", "Enter")
+    browser.press(*["ArrowRight"] * 2, "ArrowLeft", *["ArrowUp"] * 2, "ArrowDown", *[","] * 2, ".", "Enter")
     assert browser("state.start.split(',').map(Number)") == pytest.approx([0.27, 0.52, np.radians(-160)], abs=1e-3)
     browser.press("s", "s", "ArrowUp", "Enter")
     assert browser("state.kidnap").startswith("2:")

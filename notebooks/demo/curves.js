@@ -72,8 +72,9 @@ function paintCurve(ctx, width, height) {
   }
   for (const { text, name, paint, dash, rows } of shown) {
     const intervals = Array.from({ length: episodes }, (_, k) => robotView.interval(text, rows, k, (row) => row[k]));
-    if (rows.length > 2) paintBand(ctx, intervals.map(({ low }, k) => place(low, k)), intervals.map(({ high }, k) => place(high, k)), paint);
-    const points = intervals.map(({ value }, k) => place(value, k));
+    const edge = (end) => intervals.map((interval, k) => place(interval[end], k));
+    if (rows.length > 2) paintBand(ctx, edge("low"), edge("high"), paint);
+    const points = edge("value");
     curve(ctx, points, colour(`${paint}-line`), text === chosen() ? 3 : 2, dash);
     ends.push([name, points.at(-1)[1], paint]);
   }
@@ -117,7 +118,8 @@ function curveTitle({ episodes, settings: { episodes: total } }, { climb, shorte
   const [frozen, on, lengths] = [lengthsWhere(1), lengthsWhere(0), episodes.map(({ steps }) => steps.length)];
   if (frozen.length) {
     const lately = on.slice(-LATE);
-    const before = on.length ? `the last ${count(lately.length, "episode")} with its learning on: ${short(mean(lately))} steps on average; ` : "";
+    const learning = `the last ${count(lately.length, "episode")} with its learning on: ${short(mean(lately))} steps on average; `;
+    const before = on.length ? learning : "";
     return `${only}: ${before}frozen (${frozen.length}): ${short(mean(frozen))}${beside}`;
   }
   if (lengths.length < total)
@@ -126,7 +128,8 @@ function curveTitle({ episodes, settings: { episodes: total } }, { climb, shorte
     const said = rules.map(({ name, rows }) => `${short(late(rows[0]))} with ${name}`).join(", ");
     return `${only}: ${last.toLowerCase()}: ${said}. “${TEN} seeds” tells luck from rule`;
   }
-  return `${only}: the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps, the last ${LATE} ${short(late(lengths))}${beside}`;
+  const early = `the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps`;
+  return `${only}: ${early}, the last ${LATE} ${short(late(lengths))}${beside}`;
 }
 
 // "seeds 1 to 10 (7 of 10 so far): 28 [24, 30.2] with gate, ...". rules: those with rows.

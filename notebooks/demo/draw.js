@@ -70,8 +70,9 @@ const short = (value, digits = 3) => {
   if (!Number.isFinite(value)) return "none";
   const plain = !value || (Math.abs(value) < 1e5 && Math.abs(value) >= 1e-3);
   if (plain) return String(Number(value.toPrecision(digits))).replace("-", "−");
-  const [digit, power] = value.toExponential(1).replace(".0", "").split("e");
-  return `${digit}·10${[...String(Number(power))].map((sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]).join("")}`.replace("-", "−");
+  const [factor, exponent] = value.toExponential(1).replace(".0", "").split("e");
+  const raised = String(Number(exponent)).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
+  return `${factor}·10${raised}`.replace("-", "−");
 };
 
 const count = (number, noun) => `${number} ${noun}${number === 1 ? "" : "s"}`;
@@ -161,8 +162,7 @@ function labelEnds(ctx, ends, x, top, bottom) {
   const sorted = ends.toSorted((a, b) => a[1] - b[1]);
   let place = top - gap;
   const places = sorted.map(([, y]) => (place = Math.max(y, place + gap)));
-  const over = Math.max(0, places.at(-1) - bottom);
-  for (let i = places.length - 1, most = bottom; i >= 0; i--, most -= gap) if (over) places[i] = Math.min(places[i], most);
+  for (let i = places.length - 1, most = bottom; i >= 0; i--, most -= gap) places[i] = Math.min(places[i], most);
   sorted.forEach(([name, , paint], i) => text(ctx, name, x, places[i], { fill: colour(`${paint}-text`) }));
 }
 

@@ -80,7 +80,9 @@ function paintWays(ctx, at) {
   finished.forEach(({ steps, from }, k) => {
     if (k >= episodes.length - 5) {
       ctx.globalAlpha = 0.55;
-      for (const { points, carried } of legs(from, steps, first)) curve(ctx, points.map((pose) => at(pose)), colour("edge"), 1.2, carried ? [3, 5] : []);
+      for (const { points, carried } of legs(from, steps, first)) {
+        curve(ctx, points.map((pose) => at(pose)), colour("edge"), 1.2, carried ? [3, 5] : []);
+      }
       ctx.globalAlpha = 1;
     }
     first += steps.length;
@@ -193,7 +195,8 @@ function roomTitle() {
   if (diverged) return `The weights left the finite numbers in episode ${diverged}: this rule and step size diverge`;
   const training = experiment.settings.episodes, number = episodes.length + underWay;
   const episode = `Episode ${number}${number > training ? `, with what was learnt in ${training}` : ""}`;
-  if (!steps) return `The robot starts ${state.start ? "here; home is" : "with its back to home,"} the white square: press Play, or All ${training}`;
+  const here = state.start ? "here; home is" : "with its back to home,";
+  if (!steps) return `The robot starts ${here} the white square: press Play, or All ${training}`;
   if (robotView.waiting) return `Episode ${number + 1} begins where the robot was put${frozen ? ", frozen" : ""}: press Play`;
   if (!underWay) {
     const { reached } = episodes.at(-1), after = count(steps.length, "step");
@@ -247,7 +250,9 @@ function setUpRoom() {
   }));
   on("pointercancel", held(() => (robotView.hand = null)));
   on("keydown", (event, hand) => {
-    const moves = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], ",": [0, 0, 1], ".": [0, 0, -1] };
+    const moves = {
+      ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], ",": [0, 0, 1], ".": [0, 0, -1],
+    };
     if (event.key === "Enter" && hand) robotView.put(hand);
     else if (event.key === "Escape" && hand) robotView.hand = null;
     else if (moves[event.key]) {

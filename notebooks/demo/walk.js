@@ -116,7 +116,8 @@ const walkView = {
 
   table() {
     const named = ["state", "after", "reward", "delta", "lambda", "clipped", "ratio"];
-    const columns = ["walk", "step", ...named.map((name) => (name === "clipped" ? "reset" : name)), ...TRUE_VALUES.map((_, s) => `trace_${s}`)];
+    const traces = TRUE_VALUES.map((_, s) => `trace_${s}`);
+    const columns = ["walk", "step", ...named.map((name) => (name === "clipped" ? "reset" : name)), ...traces];
     return [columns, this.steps.map((step, t) => [this.number, t + 1, ...named.map((name) => step[name]), ...step.trace])];
   },
 };
@@ -149,7 +150,8 @@ function paintChain(ctx, width, height) {
   disc(ctx, box.x(now ? now.after : (STATES - 1) / 2), y, radius + 3.5 * u, null, colour("orange-line"));
   if (walk.diverged) return "The weights have left the finite numbers: this rule and step size diverge";
   if (!now) return "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play, or 10 walks";
-  const where = now.after < 0 ? "out at the left, reward −1" : now.after >= STATES ? "out at the right, reward 1" : `to state ${now.after}`;
+  const out = now.after < 0 ? "out at the left, reward −1" : "out at the right, reward 1";
+  const where = now.reward ? out : `to state ${now.after}`;
   const number = walkView.number, said = `δ = ${short(now.delta)}, λ = ${short(now.lambda)}`;
   return `Walk ${number}, step ${chosen + 1}: from state ${now.state} ${where}; ${said}`;
 }

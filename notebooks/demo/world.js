@@ -14,13 +14,8 @@ function rounded(value) {
   return part < 0.5 || (part === 0.5 && below % 2 === 0) ? below : below + 1;
 }
 
-// numpy's sum of a contiguous array, in its order.
+// numpy's sum of a contiguous array of 8 or more, in its order.
 function pairwiseSum(values, from = 0, count = values.length) {
-  if (count < 8) {
-    let total = 0;
-    for (let i = 0; i < count; i++) total += values[from + i];
-    return total;
-  }
   if (count <= 128) {
     const r = Array.from({ length: 8 }, (_, k) => values[from + k]);
     let i = 8;
