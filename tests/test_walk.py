@@ -21,6 +21,7 @@ def test_a_rule_may_be_a_function_or_a_name_with_its_guard():
     by_name = walk.learning("fixed:0.8", 3, 0.3)
     np.testing.assert_array_equal(walk.learning(Fixed(0.8), 3, 0.3), by_name)
     assert by_name[-1] < by_name[0] < np.sqrt(np.mean(walk.VALUES**2))  # of weights that are all 0
+    np.testing.assert_array_equal(walk.learning(lambda **_: 5.0, 3, 0.05), walk.learning("fixed:1", 3, 0.05))
     guards = [walk.learning(f"fletcher-reeves:on_zero={guard}", 3, 0.3).mean() for guard in (0, 0.8)]
     assert guards[1] < guards[0]
 
