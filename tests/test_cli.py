@@ -184,6 +184,7 @@ def two_studies(tmp_path, monkeypatch):
 
     listed = [Study(name, "Why.", {"all": Settings(**TINY)}, range(3)) for name in ("one", "two")]
     monkeypatch.setattr(sweep, "sweep", swept)
+    monkeypatch.setattr(runs, "SCRATCH", tmp_path / "scratch")  # which --force removes
     monkeypatch.setattr(studies, "in_order", lambda: iter(listed))
     monkeypatch.setattr(studies, "page", lambda: "the page\n")
     monkeypatch.setattr(studies, "PAGE", tmp_path / "STUDIES.md")

@@ -125,7 +125,7 @@ SET = ["report", "blame", "blame-notes"]
         ("homing_lib/rooms.toml", BUILT[1:]),
         ("homing_lib/study/findings.py", BUILT[1:]),
         ("homing_lib/study/questions/varying.py", BUILT[1:]),
-        ("homing_lib/publish/drawing.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
+        ("homing_lib/publish/style.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
         ("homing_lib/publish/report.py", ["summary", NUMBERS, *SET, "site", "lab"]),
         ("homing_lib/publish/demo.py", ["demo", "site", "lab"]),
         ("homing_lib/publish/site.py", ["site", "lab"]),
@@ -161,7 +161,7 @@ def test_a_notebook_is_executed_again_after_an_edit_of_any_file_that_it_imports(
         files = [path for name in new for path in files_of(name)]
         assert [path for path in files if str(path.relative_to(ROOT)) not in needs] == []
         new = set().union(*(imported(path.read_text(encoding="utf-8")) for path in files)) - known
-    assert "homing_lib.publish.drawing" in known
+    assert "homing_lib.publish.style" in known
 
 
 def cells(notebook: Path) -> list:

@@ -11,7 +11,7 @@ from homing_lib.publish import where
 from homing_lib.storage import ROOT
 
 SETUP = """
-from homing_lib.publish import figures, plots
+from homing_lib.publish import charts, figures
 from homing_lib.study import findings, runs, studies
 from homing_lib.study.questions import worth
 from homing_lib.study.runs import load_table
@@ -27,17 +27,17 @@ def mean(which):
 
 table = mean(studies.UNLEARNT)
 shares = {name: value for name, value in [("robot", table)]}
-figures.save(figures.passing_shares(shares), figures_dir, "first")
+figures.save(charts.passing_shares(shares), figures_dir, "first")
 """,
     "filled": """
 panels = {}
 for study in (worth.MAP, studies.UNLEARNT):
     panels[study.name] = load_table(study)
-figure = figures.passing_shares(panels)
+figure = charts.passing_shares(panels)
 figures.save(figure, figures_dir, "second")
 """,
-    "asked": 'figures.show("C8", figures.passing_shares(found), figures_dir)',
-    "live": 'if True:\n    figures.save(figures.passing_shares({}), figures_dir, "live")',
+    "asked": 'figures.show("C8", charts.passing_shares(found), figures_dir)',
+    "live": 'if True:\n    figures.save(charts.passing_shares({}), figures_dir, "live")',
 }
 
 
