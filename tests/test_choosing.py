@@ -27,7 +27,7 @@ def scores(monkeypatch):
 
     A candidate that is not named takes 100.
     """
-    monkeypatch.setattr(studies, "_LISTED", {})
+    monkeypatch.setattr(studies, "LISTED", {})
     by_study = {}
 
     def load_table(study):
@@ -116,7 +116,7 @@ def test_a_choice_is_made_after_what_it_needs_and_its_candidates_then(scores):
 
 
 def test_without_its_tables_nothing_is_chosen(monkeypatch, tmp_path):
-    monkeypatch.setattr(studies, "_LISTED", {})
+    monkeypatch.setattr(studies, "LISTED", {})
     monkeypatch.setattr(runs, "DATA", tmp_path)
     choice = chosen()
     with pytest.raises(UserError, match=r"chosen\.parquet: missing"):

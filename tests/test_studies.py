@@ -63,7 +63,7 @@ def flies(table):
 def test_a_study_and_a_question_in_a_new_file_are_found_without_a_list_elsewhere(tmp_path, monkeypatch):
     (tmp_path / "flies.py").write_text(NEW_FILE, encoding="utf-8")
     monkeypatch.setattr(questions, "__path__", [*questions.__path__, str(tmp_path)])
-    monkeypatch.setattr(studies, "_LISTED", dict(studies._LISTED))
+    monkeypatch.setattr(studies, "LISTED", dict(studies.LISTED))
     monkeypatch.setattr(findings, "_QUESTIONS", dict(findings._QUESTIONS))
     assert tmp_path / "flies.py" in studies.load_questions()
     (found,) = (study for study in studies.in_order() if study.name == "flights")
@@ -85,7 +85,7 @@ def test_the_order_of_studies_does_not_depend_on_which_file_is_imported_first():
 
 def test_a_study_is_listed_where_it_is_defined_and_one_that_needs_another_after_it(monkeypatch, tmp_path):
     monkeypatch.setattr(runs, "DATA", tmp_path)
-    monkeypatch.setattr(studies, "_LISTED", {})
+    monkeypatch.setattr(studies, "LISTED", {})
     made = []
 
     @studies.later()
@@ -102,7 +102,7 @@ def test_a_study_is_listed_where_it_is_defined_and_one_that_needs_another_after_
     with pytest.raises(UserError, match=r"first\.parquet: missing"):
         next(order)
     assert made == []
-    del studies._LISTED[next(name for name in studies._LISTED if "second" in name)]
+    del studies.LISTED[next(name for name in studies.LISTED if "second" in name)]
     assert "## new\n\nDoes the robot fly?\n\nSeeds 2000 to 2001, 1 conditions. Kept of a run: curve." in studies.page()
 
 

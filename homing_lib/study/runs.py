@@ -102,13 +102,18 @@ class Study:
 
     def jobs(self) -> list[Job]:
         """All runs, each once, by what one file holds; those of one seed near each other: they share its survey."""
-        seeds: dict[tuple[Path, Settings], list[int]] = {}
-        conditions = dict.fromkeys(self.conditions.values())
+        blocks: dict[tuple[int, int], list[int]] = {}
+        conditions = list(dict.fromkeys(self.conditions.values()))
+        alone = [self.measure is None or settings.images == "camera" for settings in conditions]
         for seed in self.seeds:
-            for settings in conditions:
-                first = seed if self.measure is None or settings.images == "camera" else seed - seed % BLOCK
-                seeds.setdefault((path_of(self.folder, settings, first), settings), []).append(seed)
-        return [Job(*where, tuple(some)) for where, some in seeds.items()]
+            for number, by_itself in enumerate(alone):
+                first = seed if by_itself else seed - seed % BLOCK
+                blocks.setdefault((number, first), []).append(seed)
+        folder, digests = self.folder, [settings.digest for settings in conditions]  # each but once: they are slow
+        return [
+            Job(folder / _file_name(digests[number], first), conditions[number], tuple(seeds))
+            for (number, first), seeds in blocks.items()
+        ]
 
     def __len__(self) -> int:
         """How many runs it has."""
@@ -167,7 +172,11 @@ def remove_leftovers(folder: Path, of: str = "*") -> None:
 
 def path_of(folder: Path, settings: Settings, seed: int) -> Path:
     """Where a run is stored, or a block of them that begins with this seed."""
-    return folder / f"{settings.digest}-{seed}.npz"
+    return folder / _file_name(settings.digest, seed)
+
+
+def _file_name(digest: str, seed: int) -> str:
+    return f"{digest}-{seed}.npz"
 
 
 def save(result: Run, path: Path) -> None:

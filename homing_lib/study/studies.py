@@ -32,7 +32,7 @@ ROBOTS, ROOM_ROBOTS, CAMERA_ROBOTS = range(10_000, 11_500), range(10_000, 10_500
 ROOMS = ("paper", "divided", "attic", "hall", "cell", "workshop")
 UNLIKE = ("attic", "hall", "cell", "workshop")  # the paper's; `divided` is that with a partition
 
-_LISTED: dict[str, "Study | Later"] = {}
+LISTED: dict[str, "Study | Later"] = {}  # what `study` and `later` made, by name
 
 
 def study(
@@ -45,7 +45,7 @@ def study(
 ) -> Study:
     """A `Study` on the list of those that `homing studies` shows and `make data` computes."""
     made = Study(name, reason, conditions, seeds, measure, atlases)
-    _LISTED[name] = made
+    LISTED[name] = made
     return made
 
 
@@ -55,7 +55,7 @@ class Later:
     def __init__(self, needs: Iterable[Any], make: Callable[[], Study]) -> None:
         self.needs, self._make = list(needs), cache(make)
         named = f"{make.__module__}.{make.__qualname__}"
-        _LISTED[f"{named} {sum(name.startswith(named) for name in _LISTED):02}"] = self
+        LISTED[f"{named} {sum(name.startswith(named) for name in LISTED):02}"] = self
 
     def __call__(self) -> Study:
         """The study. Raises UserError if a table that it needs is not there."""
@@ -222,7 +222,7 @@ def load_questions() -> list[Path]:
 def in_order() -> Iterator[Study]:
     """All studies, in whichever file they stand, each after those that it needs."""
     load_questions()
-    listed = [_LISTED[name] for name in sorted(_LISTED)]  # whichever module was imported first
+    listed = [LISTED[name] for name in sorted(LISTED)]  # whichever module was imported first
     order = TopologicalSorter({one: one.needs if isinstance(one, Later) else () for one in listed})
     return (one() if isinstance(one, Later) else one for one in order.static_order())
 

@@ -21,6 +21,7 @@ from homing_lib import agent, parallel
 from homing_lib.atlas import open_atlas
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.rooms import room_named
+from homing_lib.settings import Settings
 from homing_lib.storage import npz_bytes, read_arrays, write_bytes
 from homing_lib.study import runs, studies
 from homing_lib.study.runs import Job, Measure, Study, check, is_current, read_manifest, save, sha256
@@ -35,7 +36,7 @@ def compute(
     """Compute what is missing of all studies, or of those that are named: each, and how many runs it took.
 
     Runs that several studies ask for are computed once. workers, cluster: see `parallel.results`; force: all runs are
-    computed from scratch.
+    computed from scratch, and what is kept in `runs.SCRATCH` is thrown away.
     """
     _require_known(names)
     if force:
@@ -71,10 +72,11 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     if not force and is_current(study):
         return 0
     before = read_manifest(study)
-    kept = {job.path: _read(study, job, {} if force else before) for job in study.jobs()}
+    jobs = study.jobs()
+    kept = {job.path: _read(study, job, {} if force else before) for job in jobs}
     todo = [
         job._replace(seeds=left)
-        for job in study.jobs()
+        for job in jobs
         if (left := tuple(seed for seed in job.seeds if seed not in kept[job.path]))
     ]
     count = sum(len(job.seeds) for job in todo)
@@ -83,16 +85,9 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
             if settings.images == "atlas":
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         with tqdm(total=count, desc=f"{study.name}: runs", unit="run") as bar:
-            jobs = [(study.measure, job) for job in todo]
-            for job, found in parallel.results(_compute, jobs, workers=workers, cluster=cluster):
-                if study.measure is None:
-                    _vouch(study, _hashes(kept), before)  # for no file that is about to change
-                    save(found[job.seeds[0]], job.path)
-                    kept[job.path] = {job.seeds[0]: sha256(job.path)}
-                    _vouch(study, _hashes(kept), before)
-                else:
-                    kept[job.path] |= found
-                    _write_block(study, job, kept[job.path])
+            calls = [(study.measure, job) for job in todo]
+            for job, found in parallel.results(_compute, calls, workers=workers, cluster=cluster):
+                _keep(study, job, found, kept, before)
                 bar.update(len(job.seeds))
     if study.measure is None:
         _vouch(study, _hashes(kept), before)
@@ -136,9 +131,18 @@ def _read(study: Study, job: Job, manifest: Mapping[str, Any]) -> Kept:
     return {}
 
 
-def _write_block(study: Study, job: Job, rows: Kept) -> None:
-    about = _about(study, job) | {"seeds": [*rows], "lengths": [len(some) for some in rows.values()]}
-    write_bytes(job.path, npz_bytes(about, {"rows": np.concatenate([*rows.values()])}))
+def _keep(study: Study, job: Job, found: Kept, kept: dict[Path, Kept], before: dict[str, Any]) -> None:
+    """Store what was found of a job, beside what was kept of it."""
+    if study.measure is None:
+        _vouch(study, _hashes(kept), before)  # for no file that is about to change
+        (seed,) = job.seeds
+        save(found[seed], job.path)
+        kept[job.path] = {seed: sha256(job.path)}
+        _vouch(study, _hashes(kept), before)
+    else:
+        rows = kept[job.path] = kept[job.path] | found
+        about = _about(study, job) | {"seeds": [*rows], "lengths": [len(some) for some in rows.values()]}
+        write_bytes(job.path, npz_bytes(about, {"rows": np.concatenate([*rows.values()])}))
 
 
 def _about(study: Study, job: Job) -> dict[str, Any]:
@@ -148,9 +152,12 @@ def _about(study: Study, job: Job) -> dict[str, Any]:
 
 def _table(study: Study, kept: Mapping[Path, Kept]) -> bytes:
     """All runs as one table of 32-bit numbers, in the order of the study."""
-    of_run = {(job.settings, seed): kept[job.path][seed] for job in study.jobs() for seed in job.seeds}
+    of_condition: dict[Settings, Kept] = {}
+    for job in study.jobs():
+        of_condition.setdefault(job.settings, {}).update(kept[job.path])
+    of_label = {label: of_condition[settings] for label, settings in study.conditions.items()}
     keys = [(label, seed) for label in study.conditions for seed in study.seeds]
-    parts = [of_run[study.conditions[label], seed] for label, seed in keys]
+    parts = [of_label[label][seed] for label, seed in keys]
     rows, lengths = np.concatenate(parts), [len(part) for part in parts]
     labels = np.array([label for label, _ in keys], dtype=object)
     seeds = np.array([seed for _, seed in keys], dtype=np.int32)
