@@ -124,7 +124,7 @@ def quieten() -> None:
     """Leave unsaid, from here on in this process, how parallel work ended early, which has been said in one line
     already, and that a worker was replaced, since the views that are kept there look like a leak.
     """
-    if not isinstance(threading.excepthook, partial):
+    if getattr(threading.excepthook, "func", None) is not _unless_it_is_lokys:
         threading.excepthook = partial(_unless_it_is_lokys, threading.excepthook)
     early, replaced = "[0-9]+ tasks (have been successfully|which were still)", "A worker stopped while some jobs"
     warnings.filterwarnings("ignore", f"{early}|{replaced}", UserWarning)

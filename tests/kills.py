@@ -20,7 +20,7 @@ from homing_lib.study.runs import Study
 from homing_lib.study.sweep import sweep
 
 ROOT = Path(__file__).parent.parent
-COMMAND = "sweep"
+COMMAND = "data"
 
 Process = subprocess.Popen[str]
 Contents = dict[str, bytes]
