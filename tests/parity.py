@@ -138,8 +138,7 @@ def left_by(case: Case, run: Callable[..., agent.Run], run_episode: Callable[...
             tried: dict[str, Any] = {"going on": driver}
             if type(driver) is SarsaAgent:
                 tried |= {"frozen": FrozenAgent(driver), "greedy": FrozenAgent(driver, greedy=True)}
-                share = rng.choice([0.5, -0.5])
-                tried |= {"guided": ClimbGuidedAgent(driver, share, rng), "restored": RestoredAgent(driver)}
+                tried |= {"guided": ClimbGuidedAgent(driver, 0.5, rng), "restored": RestoredAgent(driver)}
             for name, robot in tried.items():
                 start, away = free_pose(env.world, env.room, rng), free_pose(env.world, env.room, rng)
                 episodes = (world, {"start": start}), (Kidnapped(world, 8, away), None)

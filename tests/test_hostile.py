@@ -16,8 +16,9 @@ from homing_lib import agent, atlas
 from homing_lib.errors import UserError
 from homing_lib.publish.cli import main
 from homing_lib.settings import Settings
-from homing_lib.study import findings, measures, runs, studies, sweep
+from homing_lib.study import findings, measures, runs, studies
 from homing_lib.study.runs import Study
+from homing_lib.study.sweep import sweep
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes and links are POSIX's")
 
@@ -80,7 +81,7 @@ def data(tmp_path, monkeypatch) -> Path:
     monkeypatch.setattr(runs, "DATA", tmp_path / "data")
     monkeypatch.setattr(runs, "SCRATCH", tmp_path / "scratch")
     for study in (TABLE, WHOLE):
-        sweep.sweep(study, workers=1)
+        sweep(study, workers=1)
     return tmp_path / "data"
 
 
@@ -106,7 +107,7 @@ def test_a_harmed_file_is_refused_or_read_as_it_was_and_the_remedy_mends_it(harm
         assert is_a_line(str(error), str(data))
     for _ in range(3):
         try:
-            sweep.sweep(study, workers=1)
+            sweep(study, workers=1)
             break
         except UserError as error:
             named = Path(str(error).partition(": ")[0])  # to be deleted, or moved away

@@ -157,10 +157,8 @@ def _choose(
     if agent.chooser == POLICY:
         _probabilities(values, rates[1], rates[2], agent.mixture, shares)
         return _sample(shares, rng)
-    if rng.random() >= abs(agent.climbing):
+    if rng.random() >= agent.climbing:
         return _largest(values)
-    if agent.climbing < 0:
-        return rng.integers(0, 3)
     return (last + 1 + rng.integers(0, 2)) % 3 if nrb <= before else last
 
 

@@ -46,8 +46,7 @@ class ClimbGuidedAgent(RandomAgent):
     """A trained agent that no longer learns and explores by climbing, where it explored at random while it learnt.
 
     In a share of its steps, drawn one by one, it does what `ClimbingAgent` would: it keeps to the last action, its own
-    or the climb's, while the similarity rises, and else draws another. In the rest it takes its best action. A negative
-    share: it explores at random, for comparison.
+    or the climb's, while the similarity rises, and else draws another. In the rest it takes its best action.
     """
 
     def __init__(self, agent: SarsaAgent, share: float, rng: np.random.Generator) -> None:
@@ -62,11 +61,9 @@ class ClimbGuidedAgent(RandomAgent):
         """The climb's action or the best."""
         seen, before = similarity(phi), self._similarity
         self._similarity = seen
-        if self.rng.random() >= abs(self.share):
+        if self.rng.random() >= self.share:
             values = self.agent.learner.value_list(phi)
             self._action = values.index(max(values))
-        elif self.share < 0:
-            self._action = int(self.rng.integers(3))
         elif seen <= before:
             self._action = (self._action + 1 + int(self.rng.integers(2))) % 3
         return self._action
