@@ -65,21 +65,20 @@ def test_a_checkout_with_other_line_ends_gives_the_same_archives(desk):
     assert [path.read_bytes() for path in handouts.write(desk / "after")] == before
 
 
-@pytest.mark.parametrize(
-    ("spoil", "named"),
-    {
-        "a solution lost": (lambda lab, guide: (lab, guide.replace("```python reach", "```python")), "9 .* 10 .*reach"),
-        "a solution of no cell": (lambda lab, guide: (lab, f"{guide}\n```python further\n1\n```\n"), "11 .*further"),
-        "a tag lost": (lambda lab, guide: (lab.replace('"answer"', '"anwser"', 1), guide), "10 .* 9 .*trace"),
-        "a cell filled in": (
-            lambda lab, guide: (lab.replace("return ...  # the new trace", "return e  # the new trace"), guide),
-            "lab.ipynb.*trace.*put",
-        ),
-        "no guide": (lambda lab, guide: (lab, None), "teacher.md.*restore"),
-        "no lab": (lambda lab, guide: (None, guide), "lab.ipynb.*restore"),
-    }.values(),
-    ids=str,
-)
+MISFITS = {
+    "a solution lost": (lambda lab, guide: (lab, guide.replace("```python reach", "```python")), "9 .* 10 .*reach"),
+    "a solution of no cell": (lambda lab, guide: (lab, f"{guide}\n```python further\n1\n```\n"), "11 .*further"),
+    "a tag lost": (lambda lab, guide: (lab.replace('"answer"', '"anwser"', 1), guide), "10 .* 9 .*trace"),
+    "a cell filled in": (
+        lambda lab, guide: (lab.replace("return ...  # the new trace", "return e  # the new trace"), guide),
+        "lab.ipynb.*trace.*put",
+    ),
+    "no guide": (lambda lab, guide: (lab, None), "teacher.md.*restore"),
+    "no lab": (lambda lab, guide: (None, guide), "lab.ipynb.*restore"),
+}
+
+
+@pytest.mark.parametrize(("spoil", "named"), MISFITS.values(), ids=MISFITS)
 def test_what_does_not_fit_is_refused_before_anything_is_written(spoil, named, desk):
     for path, text in zip(
         (handouts.LAB, handouts.GUIDE),
