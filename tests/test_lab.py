@@ -240,7 +240,7 @@ def test_the_table_of_the_drivers_has_their_steps_and_no_verdicts():
 def test_the_recap_says_what_was_computed(capsys):
     errors = {"λ = 0.8": 2, "λ = 0": 4, "form 2, guard 0": 5, "form 2, guard 0.8": 2, "form 2, guard 1": 8}
     raced = walk.Race({}, dict.fromkeys(errors, 0.1), {label: np.full(3, error) for label, error in errors.items()})
-    mine, climb, seen = np.array([[80.0, 60, 40, 35]]), np.full((1, 4), 50.0), experiments.twelve_steps(28)
+    mine, climb, seen = np.tile([80.0, 60, 40, 35], (2, 1)), np.full((2, 4), 50.0), experiments.twelve_steps(28)
     experiments.recap(seen, raced, Rules({"my rule": mine, "the climb": climb}), TRIED | {"climb": climb})
     never = Rules({"my rule": mine + 20, "the climb": climb})
     experiments.recap(seen._replace(first=0), raced, never, TRIED | {"climb": climb, "frozen": TRIED["restored"]})
