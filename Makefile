@@ -13,7 +13,7 @@ PIP    := -m pip install -qq --disable-pip-version-check
 # the lab or its handouts; a test compares this with their imports.
 LETTERS := $(patsubst %,homing_lib/publish/%.py,cli compact demo film prose report site tex where)
 MODEL   := $(filter-out %/__main__.py,$(wildcard homing_lib/*.*))
-STUDY   := $(wildcard homing_lib/study/*.* homing_lib/study/*/*.*)
+STUDY   := $(wildcard homing_lib/study/*.* homing_lib/study/[a-z]*/*.*)
 DRAWING := $(filter-out $(LETTERS),$(wildcard homing_lib/publish/*.*))
 TEACH   := $(filter-out %/lab.py %/handouts.py,$(wildcard homing_lib/teach/*.*))
 

@@ -9,7 +9,6 @@ import gzip
 import hashlib
 import inspect
 import json
-import os
 import sys
 from contextlib import AbstractContextManager
 from functools import cache
@@ -18,16 +17,14 @@ from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from homing_lib import features
+from homing_lib import features, parallel
 from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
-from homing_lib.parallel import init_worker
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import PAPER, Pose, Room
 from homing_lib.settings import Settings
@@ -237,15 +234,16 @@ def _checksum(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
 
 def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
     """Render the columns of the lattice in parallel, and store them."""
-    columns = range(Lattice(room, settings).nx)
-    begin: dict[str, Any] = {"initializer": init_worker, "initargs": (os.getpid(),)}
-    rendered = joblib.Parallel(workers, return_as="generator", **begin)(
-        joblib.delayed(render)(i, room, settings) for i in columns
-    )
-    parts = list(tqdm(rendered, f"atlas of room {room.name}", total=len(columns)))
-    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    jobs = [(i, room, settings) for i in range(Lattice(room, settings).nx)]
+    rendered = parallel.results(_column, jobs, workers=workers)
+    parts = dict(tqdm(rendered, f"atlas of room {room.name}", total=len(jobs)))
+    arrays = {name: np.concatenate([parts[i][name] for i, *_ in jobs]) for name in parts[0]}
     write_bytes(path, npz_bytes(_checksum(path, arrays), arrays))
     return arrays
+
+
+def _column(i: int, room: Room, settings: Settings) -> tuple[int, dict[str, NDArray[Any]]]:
+    return i, render(i, room, settings)
 
 
 def render(i: int, room: Room, settings: Settings) -> dict[str, NDArray[Any]]:
