@@ -1,4 +1,4 @@
-"""Figures as files and in notebooks. They are drawn in `charts`, `curves`, `forests` and `plans`, in the style of `style`."""
+"""Figures as files and in notebooks. `charts`, `curves`, `forests` and `plans` draw them, in the style of `style`."""
 
 from pathlib import Path
 
