@@ -65,7 +65,8 @@ class Drawn(NamedTuple):
 def origin(name: str) -> str:
     """What made a figure, as text. name: as in figures/, its beginning, or its number in the report. UserError."""
     every = drawn()
-    in_report = re.findall(r"\\drawn(?:\[\w+\])?{([\w-]+)}", LATEX[0].read_text(encoding="utf-8"))
+    report = LATEX[0].read_text(encoding="utf-8")
+    in_report = re.findall(r"^\\(?:drawn(?:\[\w+\])?{([\w-]+)}|begin{figure})", report, re.M)  # "": typeset there
     name = _named(name, every, in_report)
     figure = every[name]
     function = inspect.unwrap(figure.function)
@@ -93,7 +94,9 @@ def _named(name: str, every: dict[str, Drawn], in_report: Sequence[str]) -> str:
         if begun.startswith(f"{name}-") and name.startswith("fig"):
             return begun
     if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(in_report):
-        return in_report[int(number[1]) - 1]
+        if not (drawn_there := in_report[int(number[1]) - 1]):
+            raise UserError(f"figure {shown(name)}: it is typeset in {LATEX[0]}, from no data")
+        return drawn_there
     raise UserError(f"figure {shown(name)}: no notebook draws it; there are {', '.join(every)}{nearest(name, every)}")
 
 
