@@ -106,7 +106,9 @@ def test_an_undecided_interval_is_hollow_and_the_key_names_the_words_that_are_me
         ((10, 300), True, [10, 30, 100, 300]),
         ((10, 150), True, [10, 20, 50, 100]),
         ((10, 60), False, [10, 12, 15, 20, 25, 30, 40, 50, 60]),
-        ((0.8, 1.3), True, [0.8, 0.9, 1, 1.1, 1.2, 1.3]),
+        ((0.8, 1.3), False, [0.8, 0.9, 1, 1.1, 1.2, 1.3]),
+        ((0.8, 1.3), True, [0.8, 1, 1.2]),  # where more would touch
+        ((0.9, 1.2), True, [0.9, 1, 1.1, 1.2]),
     ],
 )
 def test_a_logarithmic_axis_has_the_more_numbers_written_out_the_less_it_spans(ends, narrow, numbers):
@@ -214,8 +216,9 @@ def test_the_share_of_small_errors_is_read_off_a_rising_curve_and_said_in_words(
 def test_maps_of_one_figure_share_their_scale_in_percent():
     figure = plans.maps({"a": (X, Y, X), "b": (X, Y, Y)}, PAPER, "share")
     for axes, share in zip(drawn(figure), (X, Y), strict=False):
-        assert axes.collections[0].get_clim() == (0, 100)
-        np.testing.assert_allclose(axes.collections[0].get_array(), 100 * share)
+        assert axes.images[0].get_clim() == (0, 100)
+        np.testing.assert_allclose(axes.images[0].get_array().ravel(), 100 * share)
+        np.testing.assert_allclose(axes.images[0].get_extent(), (0, 1, 0, 1))
 
 
 def test_the_robot_sees_as_far_as_the_nearest_thing_or_wall():

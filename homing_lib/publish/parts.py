@@ -109,7 +109,7 @@ def log_axis(axes: Axes, which: str, *, narrow: bool = False) -> None:
     wide = bool(high > (20 if narrow else 8) * low)
     fine = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
     if high < 2.5 * low:
-        steps = fine if high > 1.7 * low else (1, 1.1, 1.2, 1.3, *range(5, 10))
+        steps = fine if high > (1.5 if narrow else 1.7) * low else (1, 1.1, 1.2, 1.3, *range(5, 10))
     else:
         steps = ((1, 2, 5), (1, 3))[wide] if narrow else (fine, (1, 2, 5))[wide]
     axis.set_major_locator(LogLocator(subs=steps))

@@ -118,7 +118,12 @@ def maps(shares: Mapping[str, tuple[Array, Array, Array]], room: Room, label: st
     height = 0.35 + 0.9 * TEXT_WIDTH / len(shares) * room.size[1] / room.size[0]
     figure, grid = panels(height, len(shares), layout="compressed")
     for axes, (title, (x, y, values)) in zip(grid, shares.items(), strict=True):
-        shown = axes.scatter(x, y, c=100 * values, s=62, marker="s", vmin=0, vmax=100, linewidth=0)
+        columns, rows = np.unique(x), np.unique(y)
+        cells = np.full((len(rows), len(columns)), np.nan)
+        cells[np.searchsorted(rows, y), np.searchsorted(columns, x)] = 100 * values
+        half = (columns[1] - columns[0]) / 2
+        extent = (columns[0] - half, columns[-1] + half, rows[0] - half, rows[-1] + half)
+        shown = axes.imshow(cells, origin="lower", extent=extent, vmin=0, vmax=100)
         draw_floor_plan(axes, room)
         axes.set_title(title)
     figure.colorbar(shown, ax=list(grid), label=label, shrink=0.8)
@@ -148,7 +153,7 @@ def home(
     heading.plot(turned, profile, color=INK)
     heading.axhline(psi_upper, **DASHED)
     at = (0.02, psi_upper)
-    beside(heading, "$\\psi_{upper}$: it stops above", at, (0, -12), xycoords=("axes fraction", "data"))
+    beside(heading, "$\\psi_{upper}$: it\nstops above", at, (0, 14), xycoords=("axes fraction", "data"))
     count, edges = np.histogram(stops[2], bins=np.arange(-95, 96, 10))
     floor = profile.min()
     heading.bar(edges[:-1] + 5, 0.14 * count / count.max(), 8, bottom=floor, color=COLOURS["frozen"], alpha=0.6)

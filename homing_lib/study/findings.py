@@ -94,9 +94,9 @@ def compare_to_limit(values: Array, limit: float, *, comparisons: int = 1) -> Co
     return Comparison(*interval, side_of(interval, limit), comparisons)
 
 
-def estimate(values: Array, statistic: Statistic = mean) -> Comparison:
-    """A statistic of numbers, one per robot, without a word."""
-    return Comparison(*bootstrap.estimated(np.asarray(values, dtype=float), statistic))
+def estimate(values: Array) -> Comparison:
+    """The mean of numbers, one per robot, without a word."""
+    return Comparison(*bootstrap.estimated(np.asarray(values, dtype=float)))
 
 
 def exact(value: float) -> Comparison:

@@ -60,7 +60,7 @@ class Rules:
 
     @cached_property
     def verdicts(self) -> dict[str, Comparison]:
-        """Total steps as a multiple of the first's, seed by seed; its `.verdict` is the verdict."""
+        """Total steps as a multiple of the first's, seed by seed, with what that says."""
         return compare_to_first({label: _total(steps) for label, steps in self.steps.items()})
 
     @cached_property
