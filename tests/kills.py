@@ -20,7 +20,6 @@ from homing_lib.study.runs import Study
 from homing_lib.study.sweep import sweep
 
 ROOT = Path(__file__).parent.parent
-COMMAND = "data"
 
 Process = subprocess.Popen[str]
 Contents = dict[str, bytes]
@@ -129,4 +128,4 @@ if __name__ == "__main__":
 
     studies.in_order = lambda: iter([kills.STUDY])
     with stored_in(Path(sys.argv[1])):
-        sys.exit(main([COMMAND, STUDY.name, *sys.argv[2:]]))
+        sys.exit(main(["data", STUDY.name, *sys.argv[2:]]))

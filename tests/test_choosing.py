@@ -28,25 +28,22 @@ def scores(monkeypatch):
     A candidate that is not named takes 100.
     """
     monkeypatch.setattr(studies, "LISTED", {})
-    by_study = {}
+    by_study = {"chosen": {}, "chosen-best": {}}
 
     def load_table(study):
-        rows = [
-            {"condition": label, "seed": seed, "cut": cut, "total": 1e6 - cut, "lambda": 0.5}
-            for label, one in study.conditions.items()
-            for seed, cut in zip(
-                study.seeds, by_study[study.name].get((one.lambda_rule, one.alpha0), [100, 100]), strict=True
-            )
-        ]
-        table = pd.DataFrame(rows).astype({"condition": "category"})
-        return table[::-1]
+        rows = []
+        for label, one in study.conditions.items():
+            cuts = by_study[study.name].get((one.lambda_rule, one.alpha0), [100, 100])
+            for seed, cut in zip(study.seeds, cuts, strict=True):
+                rows.append({"condition": label, "seed": seed, "cut": cut, "total": 1e6 - cut})
+        return pd.DataFrame(rows).astype({"condition": "category"})[::-1]
 
     monkeypatch.setattr(choosing, "load_table", load_table)
     return by_study
 
 
-def chosen(**options):
-    return Choice("chosen", "Which?", CANDIDATES, seeds=range(2), then=range(2, 4), **options)
+def chosen(candidates=CANDIDATES, **options):
+    return Choice("chosen", "Which?", candidates, seeds=range(2), then=range(2, 4), **options)
 
 
 def test_the_best_of_each_group_go_on_and_the_best_of_these_on_other_seeds_is_chosen(scores):
@@ -66,12 +63,8 @@ def test_the_best_of_each_group_go_on_and_the_best_of_these_on_other_seeds_is_ch
     }
     choice = chosen()
     assert [*choice.first().conditions.values()] == CANDIDATES
-    assert [*choice.second().conditions.values()] == [
-        of("fixed:0", 0.002),
-        of("fixed:0", 0.001),
-        of("fixed:0.5", 0.004),
-        of("fixed:0.5", 0.001),
-    ]
+    best = [("fixed:0", 0.002), ("fixed:0", 0.001), ("fixed:0.5", 0.004), ("fixed:0.5", 0.001)]
+    assert [*choice.second().conditions.values()] == [of(*one) for one in best]
     assert (list(choice.first().seeds), list(choice.second().seeds)) == ([0, 1], [2, 3])
     like = [of(rule, 0.1) for rule in RULES]
     assert [choice.best(one) for one in like] == [of("fixed:0", 0.001), of("fixed:0.5", 0.004)]
@@ -80,17 +73,9 @@ def test_the_best_of_each_group_go_on_and_the_best_of_these_on_other_seeds_is_ch
     assert (robots.seed.tolist(), robots.cut.tolist()) == ([2, 3], [11, 13])
 
 
-@pytest.mark.parametrize("keep", [1, 2, 3])
-def test_as_many_of_each_group_go_on_as_it_keeps(keep, scores):
-    scores["chosen"] = {}
-    again = chosen(keep=keep).second()
-    assert len(again.conditions) == 2 * keep
-    assert again.reason == f"Which? The best {keep} of each in `chosen`, on further seeds."
-
-
 def test_candidates_compete_that_are_alike_but_for_the_step_size_unless_grouped_otherwise(scores):
     assert choosing.but_for_the_step_size(of("fixed:0", 0.1)) == choosing.but_for_the_step_size(of("fixed:0", 0.2))
-    for changes in ({"lambda_rule": "fixed:0.5"}, {"room": "paper", "update": "all"}, {"theta0": 0.5}):
+    for changes in ({"lambda_rule": "fixed:0.5"}, {"update": "all"}, {"theta0": 0.5}):
         other = of("fixed:0", 0.1).with_changes(**changes)
         assert choosing.but_for_the_step_size(other) != choosing.but_for_the_step_size(of("fixed:0", 0.1))
     scores["chosen"] = scores["chosen-best"] = {("fixed:0.5", 0.004): [1, 1]}
@@ -102,22 +87,14 @@ def test_candidates_compete_that_are_alike_but_for_the_step_size_unless_grouped_
 def test_a_choice_is_made_after_what_it_needs_and_its_candidates_then(scores):
     asked = []
     before = studies.study("before", "Is needed.", {"all": Settings()}, range(2))
-
-    def candidates():
-        asked.append(True)
-        return CANDIDATES
-
-    choice = Choice("chosen", "Which?", candidates, needs=[before], seeds=range(2), then=range(2, 4))
+    choice = chosen(lambda: asked.append(True) or CANDIDATES, needs=[before])
     assert asked == []
     assert (choice.first.needs, choice.second.needs) == ([before], [choice.first])
-    scores["chosen"] = {}
-    names = [study.name for study in studies.in_order()]
-    assert names == ["before", "chosen", "chosen-best"]
+    assert [study.name for study in studies.in_order()] == ["before", "chosen", "chosen-best"]
 
 
 def test_without_its_tables_nothing_is_chosen(monkeypatch, tmp_path):
     monkeypatch.setattr(studies, "LISTED", {})
     monkeypatch.setattr(runs, "DATA", tmp_path)
-    choice = chosen()
     with pytest.raises(UserError, match=r"chosen\.parquet: missing"):
-        choice.best(CANDIDATES[0])
+        chosen().best(CANDIDATES[0])

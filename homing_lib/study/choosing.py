@@ -1,4 +1,4 @@
-"""Choices, step sizes above all: made on seeds that nothing is judged by, by halving, and stored.
+"""Choices, of step sizes above all: made by halving, on seeds that nothing is judged by, and stored.
 
 All candidates drive with a few seeds; the best of each group drive with the others; the best of these is chosen. What
 counts is the mean of a robot's total steps, with an episode cut at `CUT`: else a single lost robot would choose.
@@ -14,11 +14,11 @@ from homing_lib.study.runs import Measure, Study, load_table
 from homing_lib.study.studies import CHOOSE, THEN, Later, labelled, rows
 
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
-"""A factor of some 3 apart. No rule chose the first or the last in any room."""
+"""A factor of about 3 apart. In no room does any rule choose the first or the last."""
 
 
 def but_for_the_step_size(settings: Settings) -> str:
-    """Candidates that are alike but for the step size compete."""
+    """A group: candidates that are alike but for the step size compete."""
     return settings.with_changes(alpha0=Settings().alpha0).digest
 
 
@@ -46,24 +46,24 @@ class Choice:
         self._group = group
 
         def first() -> Study:
-            of = candidates() if callable(candidates) else candidates
-            return Study(name, f"{reason} All candidates.", labelled(of), seeds, measure)
+            every = candidates() if callable(candidates) else candidates
+            return Study(name, f"{reason} All candidates.", labelled(every), seeds, measure)
 
         def second() -> Study:
             best = [settings for group in self._ranked(self.first()).values() for settings, _ in group[:keep]]
-            again = f"{reason} The best {keep} of each in `{name}`, on further seeds."
-            return Study(f"{name}-best", again, labelled(best), then, measure)
+            best_only = f"{reason} The best {keep} of each in `{name}`, on further seeds."
+            return Study(f"{name}-best", best_only, labelled(best), then, measure)
 
         self.first = Later(needs, first)
         self.second = Later([self.first], second)
         self._best = cache(lambda: self._ranked(self.second()))
         self._table = cache(lambda: load_table(self.second()))
 
-    def _ranked(self, of: Study) -> dict[Any, list[tuple[Settings, float]]]:
+    def _ranked(self, study: Study) -> dict[Any, list[tuple[Settings, float]]]:
         """Of each group, settings and scores, best first."""
-        score = load_table(of).groupby("condition", observed=True).cut.mean()
+        score = load_table(study).groupby("condition", observed=True).cut.mean()
         groups: dict[Any, list[tuple[Settings, float]]] = {}
-        for label, settings in of.conditions.items():
+        for label, settings in study.conditions.items():
             groups.setdefault(self._group(settings), []).append((settings, float(score[label])))
         return {group: sorted(some, key=lambda one: one[1]) for group, some in groups.items()}
 
@@ -72,10 +72,10 @@ class Choice:
         return self._best()[self._group(like)][0][0]
 
     def score(self, like: Settings) -> float:
-        """Its mean total steps on the second seeds, episodes cut."""
+        """Mean total steps of what was chosen, on the second seeds, episodes cut."""
         return self._best()[self._group(like)][0][1]
 
     def robots(self, like: Settings) -> Any:
-        """Rows of the table of the second seeds, of what was chosen, seeds in order."""
+        """Rows of what was chosen in the table of the second study, seeds in order."""
         chosen = self.best(like)
         return rows(self._table(), condition=next(k for k, one in self.second().conditions.items() if one == chosen))

@@ -1,44 +1,46 @@
-"""What a study is, and what is stored of it: complete runs, a file each, or a table; and a manifest that vouches for
-them. `sweep` computes them; here they are read, and what is not as it was written is refused.
+"""What a study is, and what is stored of it: complete runs, a file each, or one table; and a manifest, which says what
+was run, by what, and the checksum of each file. `sweep` computes and writes; here is read, and refused what is damaged.
 """
 
 import hashlib
 import io
 import json
 import platform
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import psutil
 
 import homing_lib
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.storage import MARK, ROOT, npz_bytes, read_arrays, read_bytes, write_bytes
+from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
 SCRATCH = ROOT / ".build" / "runs"  # what was measured of runs, from which tables are made
 
-BLOCK = 10  # seeds of a condition that one file of SCRATCH holds, unless the camera makes each of them last
+BLOCK = 10  # seeds of a condition in one file of SCRATCH; with the camera, which takes long, one
+
+LEFTOVER_S = 3600  # a file that nobody has gone on writing for so long was left behind
 
 Columns = dict[str, Array]
-"""A tidy table: columns of equal length by their names. They are listed in data/README.md."""
+"""A tidy table: columns of equal length by their names."""
 
 Measure = Callable[[Settings, int], Columns]
-"""The table of one run, by its settings and seed."""
+"""Makes a run, of these settings and this seed, and returns the table that is kept of it."""
 
 _ARRAYS = ("steps", "lengths", "reached")
-_PACKAGES = ("numpy", "opencv-python-headless", "pybullet")
 
 
 class Job(NamedTuple):
@@ -54,8 +56,8 @@ class Study:
     """A question put to the robot: some conditions, each run with the same seeds.
 
     reason: why it is asked; conditions: settings by their labels. measure: the table of one run; all are stored as one,
-    data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: of further
-    settings that the measure looks at.
+    data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: further settings
+    whose atlases the measure looks at.
     """
 
     name: str
@@ -66,12 +68,12 @@ class Study:
     atlases: Sequence[Settings] = ()
 
     def __post_init__(self) -> None:
-        """Seeds may be NumPy's; UserError for what is none."""
+        """Seeds may be NumPy's. Raises UserError for what is no seed."""
         object.__setattr__(self, "seeds", seeds_of(self.seeds))
 
     @property
     def folder(self) -> Path:
-        """Where its runs are kept: complete ones by themselves, others with all that are measured so."""
+        """Where its runs are kept; tables of runs together with those of other studies of the same measure."""
         return SCRATCH / self.whole_measure if self.measure else DATA / self.name
 
     @property
@@ -81,7 +83,7 @@ class Study:
 
     @property
     def manifest(self) -> Path:
-        """Where it is said what is stored, and what made it."""
+        """Where its manifest is stored."""
         return DATA / f"{self.name}.json"
 
     @property
@@ -91,27 +93,24 @@ class Study:
 
     @property
     def measured(self) -> str:
-        """What is kept of a run."""
+        """What is kept of a run: the name of its measure."""
         return self.measure.__name__ if self.measure else "every step"
 
     @property
     def whole_measure(self) -> str:
-        """The same with its module; a name of a folder."""
+        """The name of its measure with the module, fit for a folder."""
         measure: Any = self.measure
         return f"{measure.__module__}.{measure.__qualname__}".translate({ord(c): "_" for c in '<>:"|?*'})
 
     def jobs(self) -> list[Job]:
-        """All runs, each once, by what one file holds; those of one seed near each other: they share its survey."""
+        """All runs, each once, by the file that holds them. Runs of one seed stand together: they share its survey."""
         blocks: dict[tuple[int, int], list[int]] = {}
-        conditions = list(dict.fromkeys(self.conditions.values()))
-        alone = [self.measure is None or settings.images == "camera" for settings in conditions]
-        for seed in self.seeds:
-            for number, by_itself in enumerate(alone):
-                first = seed if by_itself else seed - seed % BLOCK
-                blocks.setdefault((number, first), []).append(seed)
-        folder, digests = self.folder, [settings.digest for settings in conditions]  # each but once: they are slow
+        conditions = [*dict.fromkeys(self.conditions.values())]
+        for seed, (number, settings) in product(self.seeds, enumerate(conditions)):
+            alone = self.measure is None or settings.images == "camera"
+            blocks.setdefault((number, seed if alone else seed - seed % BLOCK), []).append(seed)
         return [
-            Job(folder / _file_name(digests[number], first), conditions[number], tuple(seeds))
+            Job(path_of(self.folder, conditions[number], first), conditions[number], tuple(seeds))
             for (number, first), seeds in blocks.items()
         ]
 
@@ -120,7 +119,7 @@ class Study:
         return len(self.seeds) * len(set(self.conditions.values()))
 
     def definition(self) -> dict[str, Any]:
-        """What fixes the numbers of this study, for its manifest: of settings a hash, and what is not default."""
+        """What fixes its numbers, for the manifest: of settings a hash, and what is not default."""
         seeds = [int(seed) for seed in self.seeds]
         return {
             "seeds": f"{seeds[0]}-{seeds[-1]}" if seeds == [*range(seeds[0], seeds[-1] + 1)] else seeds,
@@ -143,10 +142,15 @@ def seeds_of(seeds: Any) -> Sequence[int]:
     return plain
 
 
-def missing(path: Path, otherwise: str) -> UserError:
-    """What is said of a file of the repository that is not there; `otherwise`: if it is not the repository itself."""
-    if (ROOT / MARK).exists():
-        return UserError(f"{path}: {otherwise}")
+def in_clone() -> bool:
+    """Whether `ROOT` is a clone of the repository, though perhaps without its data, and not just any folder."""
+    return (ROOT / "homing_lib").is_dir()
+
+
+def missing(path: Path, remedy: str) -> UserError:
+    """The error for a file of the repository that is not there. remedy: what helps in a clone."""
+    if in_clone():
+        return UserError(f"{path}: {remedy}")
     where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
     return UserError(f"{path}: missing, for {where}; clone it and work there")
 
@@ -160,11 +164,14 @@ def _with_remedy() -> Iterator[None]:
 
 
 def remove_leftovers(folder: Path, of: str = "*") -> None:
-    """Remove what processes that are gone were writing when they were killed: files of one stem, or all."""
-    for part in folder.glob(f".{of}.*.part*"):
-        process = part.name.rpartition(".part")[0].rpartition(".")[2]
-        if process.isdecimal() and not psutil.pid_exists(int(process)):
-            part.unlink(missing_ok=True)
+    """Remove what was being written, of files of this stem or of all, when its process was killed.
+
+    Told by age: a process number says nothing of another machine, or container, that shares the folder.
+    """
+    for part in folder.glob(f".{of}.[0-9]*.part*"):
+        with suppress(OSError):  # it has just been renamed, or removed by somebody else
+            if time.time() - part.stat().st_mtime > LEFTOVER_S:
+                part.unlink()
 
 
 # --- Complete runs ------------------------------------------------------------------------------------------------
@@ -172,20 +179,11 @@ def remove_leftovers(folder: Path, of: str = "*") -> None:
 
 def path_of(folder: Path, settings: Settings, seed: int) -> Path:
     """Where a run is stored, or a block of them that begins with this seed."""
-    return folder / _file_name(settings.digest, seed)
-
-
-def _file_name(digest: str, seed: int) -> str:
-    return f"{digest}-{seed}.npz"
-
-
-def save(result: Run, path: Path) -> None:
-    """Write a run. The same run gives the same bytes."""
-    write_bytes(path, content_of(result))
+    return folder / f"{settings.digest}-{seed}.npz"
 
 
 def content_of(result: Run) -> bytes:
-    """A run as the bytes of a file."""
+    """A run as the bytes of a file: the same for the same run."""
     about = {"settings": result.settings.model_dump(), "seed": result.seed, "diverged": result.diverged}
     return npz_bytes(about, {name: getattr(result, name) for name in _ARRAYS})
 
@@ -195,8 +193,9 @@ def load(path: Path) -> Run:
     """Read a run. Raises UserError with one line if the file is missing or damaged."""
     try:
         about, arrays = read_arrays(path)
-        found = Run(Settings(**about["settings"]), index(about["seed"]), diverged=index(about["diverged"]), **arrays)
-        if found.steps.shape != (found.lengths.sum(), len(STEP_COLUMNS)) or found.reached.shape != found.lengths.shape:
+        result = Run(Settings(**about["settings"]), index(about["seed"]), diverged=index(about["diverged"]), **arrays)
+        steps = (result.lengths.sum(), len(STEP_COLUMNS))
+        if result.steps.shape != steps or result.reached.shape != result.lengths.shape:
             raise ValueError("its arrays do not fit each other")
     except FileNotFoundError:
         raise missing(path, "there is no such run; `make data` computes it") from None
@@ -204,7 +203,7 @@ def load(path: Path) -> Run:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, UserError) as error:
         raise DamagedFile(f"{path}: damaged file ({error})") from None
-    return found
+    return result
 
 
 def load_study(study: Study) -> dict[str, list[Run]]:
@@ -215,20 +214,20 @@ def load_study(study: Study) -> dict[str, list[Run]]:
 
 
 def load_one(study: Study, settings: Settings, seed: int) -> Run:
-    """A complete run of a study. Raises UserError if it is missing, or not what its manifest vouches for."""
+    """A complete run of a study. Raises UserError if it is missing, or its checksum is not the manifest's."""
     path = path_of(study.folder, settings, seed)
-    found = load(path)
+    result = load(path)
     check(path, read_manifest(study))
-    return found
+    return result
 
 
 TOLERANCE = 1e-6
-"""How far a repeated run may stand from the stored one on another processor, absolutely or relative to a number's size:
-exponentials and dot products differ there in the last bits, and learning carries the difference on."""
+"""How far a repeated run may differ from the stored one on another processor, absolutely or relative to a number's
+size: exponentials and dot products differ there in the last bits, and learning carries the difference on."""
 
 
 def compare(stored: Run, live: Run) -> str:
-    """How a repeated run stands to the stored one: "to the bit", "within tolerance", or "not"."""
+    """How a repeated run compares with the stored one: "to the bit", "within tolerance", or "not"."""
     pairs: list[tuple[Any, Any]] = [(getattr(stored, name), getattr(live, name)) for name in (*_ARRAYS, "diverged")]
     if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
         return "to the bit"
@@ -241,8 +240,8 @@ def compare(stored: Run, live: Run) -> str:
 
 
 def load_table(study: Study) -> pd.DataFrame:
-    """A study's table: columns `condition`, `seed`, those of its measure, and one for each setting that varies (where
-    no other has that name). Raises UserError if it is not sound.
+    """A study's table: columns `condition`, `seed`, those of its measure, and one for each setting that varies (unless
+    the measure has a column of that name). Raises UserError if it is missing, damaged or of another definition.
     """
     if not is_current(study):
         raise missing(study.table, "missing, or of an older version of this study; `make data` computes it")
@@ -257,7 +256,8 @@ def load_table(study: Study) -> pd.DataFrame:
 def episode_matrix(runs: Sequence[Run], column: str | None = None) -> Array:
     """Numbers of each episode, shape (runs, episodes): its steps, or a column of `STEP_COLUMNS` summed over them.
 
-    Of what a run that diverged did not finish, the sums are NaN, and the steps are `max_steps`: it would not come home.
+    Of episodes that a run did not finish because it diverged, the sums are NaN, and the steps are `max_steps`: it would
+    not come home.
     """
     table = np.full((len(runs), max(one.settings.episodes for one in runs)), np.nan)
     for row, one in zip(table, runs, strict=True):
@@ -280,21 +280,23 @@ def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
 # --- Manifests ----------------------------------------------------------------------------------------------------
 
 
-def _made_by() -> dict[str, str]:
-    made_by = dict.fromkeys(_PACKAGES, "none")
-    for package in _PACKAGES:
-        with suppress(PackageNotFoundError):
-            made_by[package] = version(package)
+def source_hash(house: Path) -> str:
+    """A hash of the library in this folder as far as runs depend on it: its model and study."""
     source = hashlib.sha256()
-    for file in sorted(Path(homing_lib.__file__).parent.rglob("*")):
-        if file.suffix in (".py", ".toml"):
-            source.update(file.name.encode() + file.read_bytes())
-    return made_by | {"python": platform.python_version(), "homing_lib": source.hexdigest()[:12]}
+    for file in sorted([house / "rooms.toml", *house.glob("*.py"), *house.glob("study/**/*.py")]):
+        source.update(file.name.encode() + file.read_bytes())
+    return source.hexdigest()[:12]
 
 
-MADE_BY = _made_by()
-"""Versions of what makes a run: packages, Python, and this library as a hash of its source. Taken when the library is
-imported: its files may have changed when the run ends."""
+def _version(package: str) -> str:
+    with suppress(PackageNotFoundError):
+        return version(package)
+    return "none"
+
+
+MADE_BY = {package: _version(package) for package in ("numpy", "opencv-python-headless", "pybullet")}
+MADE_BY |= {"python": platform.python_version(), "homing_lib": source_hash(Path(homing_lib.__file__).parent)}
+"""Versions of what makes a run. Taken when the library is imported: its files may have changed when the run ends."""
 
 
 @_with_remedy()
@@ -319,11 +321,11 @@ def sha256(file: Path) -> str:
 
 
 def check(file: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise DamagedFile unless the manifest vouches for the content of this file."""
-    vouched = manifest.get("sha256", {}).get(file.name)
-    if vouched is None:
+    """Raise DamagedFile unless the content of this file has the checksum that the manifest has for it."""
+    expected = manifest.get("sha256", {}).get(file.name)
+    if expected is None:
         raise DamagedFile(f"{file}: no manifest vouches for it; `make data` computes it anew")
-    if vouched != sha256(file):
+    if expected != sha256(file):
         with _with_remedy():
             raise DamagedFile(f"{file}: damaged file (its content is not what its manifest says)")
 

@@ -1,4 +1,4 @@
-"""The studies: which settings, which seeds, and why. `runs.py` runs and stores them.
+"""The list of studies: which settings, which seeds, and why. `sweep` computes them.
 
 What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `finalists`), and became the defaults
 of `Settings`. Here stand the headline, those two, the lattices, and who does not learn; all others stand with the
@@ -30,7 +30,11 @@ ROBOTS, ROOM_ROBOTS, CAMERA_ROBOTS = range(10_000, 11_500), range(10_000, 10_500
 """For what is judged: in the paper's room, in each other room, with the camera."""
 
 ROOMS = ("paper", "divided", "attic", "hall", "cell", "workshop")
-UNLIKE = ("attic", "hall", "cell", "workshop")  # the paper's; `divided` is that with a partition
+"""Those that the studies are about. A new room is not among them by itself: each study would become another one, which
+its stored table no longer fits."""
+
+UNLIKE = tuple(room for room in ROOMS if room not in ("paper", "divided"))
+"""Those unlike the paper's; `divided` is that with a partition."""
 
 LISTED: dict[str, "Study | Later"] = {}  # what `study` and `later` made, by name
 

@@ -1,13 +1,14 @@
-"""Runs are computed, and stored so that nothing is lost: what is there and sound is kept, what is missing is computed.
+"""Runs are computed and stored: what is there and sound is kept, what is missing is computed.
 
-What is measured of runs is kept in blocks of seeds, a file of `runs.SCRATCH` each, as soon as it is known; studies that
-measure the same share them. When all is there, a study's table is written, and then the manifest that vouches for it.
-Every file is whole or not there, whenever, wherever and by however many processes a sweep is stopped and started again.
+What is measured of runs is kept in blocks of seeds, a file of `runs.SCRATCH` each, as soon as it is known; studies with
+the same measure share them. When a study is complete its files are written, and then the manifest that vouches for
+them. Every file is whole or not there: a sweep may be stopped at any time, and started again. (What was finished is
+kept, but for the few complete runs of the headline, which are written together.)
 """
 
+import hashlib
 import io
 import json
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -22,12 +23,12 @@ from homing_lib.atlas import open_atlas
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.rooms import room_named
 from homing_lib.settings import Settings
-from homing_lib.storage import npz_bytes, read_arrays, write_bytes
+from homing_lib.storage import npz_bytes, read_arrays, read_bytes, write_bytes
 from homing_lib.study import runs, studies
-from homing_lib.study.runs import Job, Measure, Study, check, is_current, read_manifest, save, sha256
+from homing_lib.study.runs import Job, Measure, Study, check, is_current, read_manifest, sha256
 
 Kept = dict[int, Any]
-"""What is there of the runs of a job, by seed: the rows of their table; of a complete run the hash of its file."""
+"""Of runs of a job, by seed: the rows of their table; of a complete run the bytes of its file."""
 
 
 def compute(
@@ -35,19 +36,24 @@ def compute(
 ) -> Iterator[tuple[Study, int]]:
     """Compute what is missing of all studies, or of those that are named: each, and how many runs it took.
 
-    Runs that several studies ask for are computed once. workers, cluster: see `parallel.results`; force: all runs are
-    computed from scratch, and what is kept in `runs.SCRATCH` is thrown away.
+    Runs that several studies ask for are computed once. workers, cluster: see `parallel.results`; force: all runs of
+    these studies are computed from scratch. Raises UserError outside a clone, and for a name that no study has.
     """
+    if not runs.in_clone():
+        raise runs.missing(runs.DATA, "")
     _require_known(names)
-    if force:
-        shutil.rmtree(runs.SCRATCH, ignore_errors=True)
-    left = set(names)
+    left, anew = set(names), set[Path]()
     for study in studies.in_order():
-        if not names or study.name in left:
-            yield study, sweep(study, workers=workers, cluster=cluster, force=force)
-            left.discard(study.name)
-            if names and not left:  # those that come after might need tables that are not there
-                return
+        if names and study.name not in left:
+            continue
+        if force and study.measure:
+            for path in {job.path for job in study.jobs()} - anew:  # but for what another has just computed
+                path.unlink(missing_ok=True)
+                anew.add(path)
+        yield study, sweep(study, workers=workers, cluster=cluster, force=force)
+        left.discard(study.name)
+        if names and not left:  # those that come after might need tables that are not there
+            return
 
 
 def _require_known(names: Sequence[str]) -> None:
@@ -62,7 +68,7 @@ def _require_known(names: Sequence[str]) -> None:
 
 
 def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
-    """Compute what is missing of a study. Returns how many runs were computed.
+    """Compute what is missing of a study, and store it. Returns how many runs were computed.
 
     workers, cluster: see `parallel.results`; force: though all is stored, whatever is not in `runs.SCRATCH`. Raises
     UserError if a stored file is damaged or cannot be written, or if workers are lost.
@@ -71,8 +77,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
         runs.remove_leftovers(folder)
     if not force and is_current(study):
         return 0
-    before = read_manifest(study)
-    jobs = study.jobs()
+    before, jobs = read_manifest(study), study.jobs()
     kept = {job.path: _read(study, job, {} if force else before) for job in jobs}
     todo = [
         job._replace(seeds=left)
@@ -86,23 +91,22 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         with tqdm(total=count, desc=f"{study.name}: runs", unit="run") as bar:
             calls = [(study.measure, job) for job in todo]
-            for job, found in parallel.results(_compute, calls, workers=workers, cluster=cluster):
-                _keep(study, job, found, kept, before)
+            for job, computed in parallel.results(_compute, calls, workers=workers, cluster=cluster):
+                kept[job.path] |= computed
+                if study.measure:
+                    write_bytes(job.path, _block(study, job, kept[job.path]))
                 bar.update(len(job.seeds))
-    if study.measure is None:
-        _vouch(study, _hashes(kept), before)
+    if study.measure:
+        _store(study, {study.table: _table(study, kept)}, before)
     else:
-        table = _table(study, kept)
-        _vouch(study, {}, before)  # who is killed here leaves a table without a manifest, to be written again
-        write_bytes(study.table, table)
-        _vouch(study, {study.table.name: sha256(study.table)}, before)
+        _store(study, {path: content for path, of_seed in kept.items() for content in of_seed.values()}, before)
     return count
 
 
 def _compute(measure: Measure | None, job: Job) -> tuple[Job, Kept]:
-    """The runs of a job, or their rows, in whichever process, on whichever machine."""
+    """The runs of a job, in whichever process, on whichever machine."""
     if measure is None:
-        return job, {seed: agent.run(job.settings, seed) for seed in job.seeds}
+        return job, {seed: runs.content_of(agent.run(job.settings, seed)) for seed in job.seeds}
     return job, {seed: _rows(measure(job.settings, seed)) for seed in job.seeds}
 
 
@@ -115,14 +119,14 @@ def _rows(columns: runs.Columns) -> Any:
 
 
 def _read(study: Study, job: Job, manifest: Mapping[str, Any]) -> Kept:
-    """What is kept of a job's runs, and of others in the same file. Raises DamagedFile if a complete run is there, and
-    is not what the manifest vouches for; a block that is not as this version wrote it counts as none.
+    """What is kept in a job's file. Raises DamagedFile for a complete run of another checksum than its manifest's; a
+    block that is damaged, or by another version of the library, counts as none.
     """
     if study.measure is None:
         if job.path.name not in manifest.get("sha256", {}) or not job.path.exists():
             return {}
         check(job.path, manifest)
-        return {job.seeds[0]: manifest["sha256"][job.path.name]}
+        return {job.seeds[0]: read_bytes(job.path)}
     with suppress(FileNotFoundError, DamagedFile):
         about, arrays = read_arrays(job.path)
         if _about(study, job).items() <= about.items():
@@ -131,18 +135,10 @@ def _read(study: Study, job: Job, manifest: Mapping[str, Any]) -> Kept:
     return {}
 
 
-def _keep(study: Study, job: Job, found: Kept, kept: dict[Path, Kept], before: dict[str, Any]) -> None:
-    """Store what was found of a job, beside what was kept of it."""
-    if study.measure is None:
-        _vouch(study, _hashes(kept), before)  # for no file that is about to change
-        (seed,) = job.seeds
-        save(found[seed], job.path)
-        kept[job.path] = {seed: sha256(job.path)}
-        _vouch(study, _hashes(kept), before)
-    else:
-        rows = kept[job.path] = kept[job.path] | found
-        about = _about(study, job) | {"seeds": [*rows], "lengths": [len(some) for some in rows.values()]}
-        write_bytes(job.path, npz_bytes(about, {"rows": np.concatenate([*rows.values()])}))
+def _block(study: Study, job: Job, kept: Kept) -> bytes:
+    """The rows of some seeds as the bytes of a file."""
+    about = _about(study, job) | {"seeds": [*kept], "lengths": [len(rows) for rows in kept.values()]}
+    return npz_bytes(about, {"rows": np.concatenate([*kept.values()])})
 
 
 def _about(study: Study, job: Job) -> dict[str, Any]:
@@ -169,22 +165,21 @@ def _table(study: Study, kept: Mapping[Path, Kept]) -> bytes:
     return buffer.getvalue()
 
 
-def _hashes(kept: Mapping[Path, Kept]) -> dict[str, str]:
-    """Of the complete runs that are there, by file."""
-    return {path.name: known for path, of_seed in kept.items() for known in of_seed.values()}
+def _store(study: Study, files: Mapping[Path, bytes], before: dict[str, Any]) -> None:
+    """Write a study's files, then the manifest: their checksums, and what made them.
 
-
-def _vouch(study: Study, hashes: Mapping[str, str], before: dict[str, Any]) -> None:
-    """Write the manifest: what is stored of a study, and what made it.
-
-    before: the manifest as it was. Content that came out the same is still what first made it.
+    before: the manifest as it was. It stays where the content came out the same, which is still what first made it.
     """
-    now: dict[str, Any] = study.definition() | {"sha256": dict(hashes), "made by": runs.MADE_BY}
+    checksums = {path.name: hashlib.sha256(content).hexdigest() for path, content in files.items()}
+    now: dict[str, Any] = study.definition() | {"sha256": checksums, "made by": runs.MADE_BY}
     if now | {"made by": before.get("made by")} == before:
         now = before
-    if not hashes:
+    if checksums != before.get("sha256"):  # no manifest, while it would vouch for what is no longer there
         study.manifest.unlink(missing_ok=True)
-    elif now != read_manifest(study):
+    for path, content in files.items():
+        if not path.exists() or sha256(path) != checksums[path.name]:
+            write_bytes(path, content)
+    if now != before:
         write_bytes(study.manifest, (json.dumps(now, indent=1) + "\n").encode())
 
 
