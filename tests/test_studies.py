@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from collections import Counter
 from contextlib import suppress
 from itertools import pairwise
 from math import pi
@@ -18,8 +17,9 @@ from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
 from homing_lib.robot import drive
 from homing_lib.rooms import PAPER, Pose
+from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
-from homing_lib.study import findings, measures, questions, runs, studies
+from homing_lib.study import findings, measures, runs, studies
 from homing_lib.study.questions import learns, printed
 from homing_lib.study.robots import Kidnapped
 from homing_lib.study.runs import DATA, Study, load_table
@@ -32,17 +32,19 @@ with suppress(UserError):  # the last needs a table, and its tests say so
 TABLES = [study for study in STUDIES if study.measure and study.table.exists()]
 COMPACT = Settings(images="compact")
 
-each = pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
 each_table = pytest.mark.parametrize("study", TABLES, ids=lambda study: study.name)
 
 
 # What is asked
 
 
-def test_studies_have_different_names_each_its_reason_and_all_but_the_headline_keep_a_table():
+def test_every_study_has_a_name_a_reason_and_conditions_of_its_own_and_all_but_the_headline_a_table():
     assert len({study.name for study in STUDIES}) == len(STUDIES)
     assert all(study.reason.endswith((".", "?", ")")) for study in STUDIES)
     assert [study.name for study in STUDIES if study.measure is None] == ["headline"]
+    for study in STUDIES:
+        assert len({settings.digest for settings in study.conditions.values()}) == len(study.conditions), study.name
+    assert {*studies.UNLIKE} < {*studies.ROOMS} <= {*EVERY_ROOM}
 
 
 NEW_FILE = """
@@ -60,27 +62,19 @@ def flies(table):
 """
 
 
-def test_a_study_and_a_question_in_a_new_file_are_found_without_a_list_elsewhere(tmp_path, monkeypatch):
+def test_a_new_file_is_found_without_a_list_elsewhere_whichever_is_imported_first(tmp_path):
     (tmp_path / "flies.py").write_text(NEW_FILE, encoding="utf-8")
-    monkeypatch.setattr(questions, "__path__", [*questions.__path__, str(tmp_path)])
-    monkeypatch.setattr(studies, "LISTED", dict(studies.LISTED))
-    monkeypatch.setattr(findings, "_QUESTIONS", dict(findings._QUESTIONS))
-    assert tmp_path / "flies.py" in studies.load_questions()
-    (found,) = (study for study in studies.in_order() if study.name == "flights")
-    assert (found.seeds, found.measure) == (range(3000, 3002), measures.curve)
-    assert findings.questions()["flies"].tables == [found]
-    del sys.modules["homing_lib.study.questions.flies"]
-
-
-def test_the_order_of_studies_does_not_depend_on_which_file_is_imported_first():
     program = (
-        "import sys; from importlib import import_module\n"
-        "for name in sys.argv[:0:-1]: import_module(f'homing_lib.study.questions.{name}')\n"
-        "from homing_lib.study import studies; print(*(study.name for study in studies.in_order()))"
+        "import sys; from importlib import import_module; from homing_lib.study import findings, questions, studies\n"
+        "questions.__path__.append(sys.argv[1])\n"
+        "for name in sys.argv[:1:-1]: import_module(f'homing_lib.study.questions.{name}')\n"
+        "print(findings.questions()['flies'].tables[0].name, *(study.name for study in studies.in_order()))"
     )
     names = [file.stem for file in studies.load_questions()]
-    listed = subprocess.run([sys.executable, "-c", program, *names], capture_output=True, text=True, check=True)
-    assert listed.stdout.split() == [study.name for study in STUDIES]
+    command = [sys.executable, "-c", program, str(tmp_path), *names]
+    asked, *listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert asked in listed
+    assert [name for name in listed if name != asked] == [study.name for study in STUDIES]
 
 
 def test_a_study_is_listed_where_it_is_defined_and_one_that_needs_another_after_it(monkeypatch, tmp_path):
@@ -102,8 +96,6 @@ def test_a_study_is_listed_where_it_is_defined_and_one_that_needs_another_after_
     with pytest.raises(UserError, match=r"first\.parquet: missing"):
         next(order)
     assert made == []
-    del studies.LISTED[next(name for name in studies.LISTED if "second" in name)]
-    assert "## new\n\nDoes the robot fly?\n\nSeeds 2000 to 2001, 1 conditions. Kept of a run: curve." in studies.page()
 
 
 def test_settings_are_labelled_by_what_varies_and_the_same_are_one():
@@ -133,15 +125,9 @@ def test_who_chooses_has_seeds_below_100_the_finalists_others_than_the_calibrati
     seeds = [seed for study in (studies.CALIBRATION, studies.finalists()) for seed in study.seeds]
     assert sorted(seeds) == list(range(100))
     for study in STUDIES:
-        assert len(set(study.seeds)) == len(study.seeds)
         assert max(study.seeds) < 100 or min(study.seeds) >= 1000, study.name
     judged = {table.name for question in findings.questions().values() for table in question.tables}
     assert [study.name for study in STUDIES if study.name in judged and min(study.seeds) < 1000] == []
-
-
-@each
-def test_no_two_conditions_of_a_study_are_the_same(study):
-    assert len({settings.digest for settings in study.conditions.values()}) == len(study.conditions)
 
 
 def test_every_reading_of_the_print_is_tried_alone_and_the_letter_differs_in_what_is_printed_only():
@@ -166,16 +152,12 @@ def test_from_the_letter_to_ours_one_substitution_is_made_at_a_time():
         assert printed.UNDONE[f"all but {name}"] == printed.OURS.with_changes(**as_printed)
 
 
-def test_the_defaults_are_the_calibrations_winner():
+def test_the_defaults_are_the_winner_by_mean_steps_of_episodes_11_to_20_a_diverged_one_counted_as_the_step_cap():
     winner = studies.calibration_score(load_table(studies.finalists())).index[0]
     assert studies.finalists().conditions[winner].with_changes(images="camera") == Settings()
-
-
-def test_the_calibrations_score_is_the_mean_of_episodes_11_to_20_and_a_diverged_episode_counts_as_the_step_cap():
-    episode = np.tile(np.arange(1.0, 21), 2)
     steps = np.concatenate([np.where(np.arange(20) < 10, 500, 40.0), np.where(np.arange(20) < 15, 30, np.nan)])
-    table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "seed": 0, "episode": episode})
-    table["steps"] = steps
+    table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "seed": 0, "steps": steps})
+    table["episode"] = np.tile(np.arange(1.0, 21), 2)
     assert list(studies.calibration_score(table).items()) == [("good", 40), ("diverges", (5 * 30 + 5 * 2000) / 10)]
 
 
@@ -183,9 +165,8 @@ def test_the_calibrations_score_is_the_mean_of_episodes_11_to_20_and_a_diverged_
 
 
 def test_the_typical_episode_of_several_is_the_one_of_median_length():
-    result = Run(
-        Settings(episodes=5), 0, np.zeros((60, len(STEP_COLUMNS))), np.array([9, 30, 4, 12, 5]), np.ones(5, bool), 0
-    )
+    steps, lengths = np.zeros((60, len(STEP_COLUMNS))), np.array([9, 30, 4, 12, 5])
+    result = Run(Settings(episodes=5), 0, steps, lengths, np.ones(5, bool), 0)
     assert measures.typical(result, range(1, 6)) == 1
     assert measures.typical(result, range(2, 5)) == 4
 
@@ -220,53 +201,36 @@ def test_a_run_that_diverged_at_once_takes_the_cap_in_every_episode():
     assert list(table["steps"]) == [400] * 5
 
 
-def test_what_is_seen_after_learning_is_a_table_and_of_a_run_that_diverged_one_row_without_numbers():
-    lost = SMALL.with_changes(lambda_rule="fixed:1", alpha0=1e9, theta0=1e9, max_steps=400)
-    seen = [
-        measures.rows_after(settings, 0, ("one", "two"), lambda env, agent: [(1.0, 2.0), (3.0, 4.0)])
-        for settings in (SMALL, lost)
-    ]
-    assert {name: list(values) for name, values in seen[0].items()} == {"one": [1, 3], "two": [2, 4]}
-    assert all(len(values) == 1 and np.isnan(values).all() for values in seen[1].values())
+def test_what_is_seen_after_learning_is_a_table():
+    seen = measures.rows_after(SMALL, 0, ("one", "two"), lambda env, agent: [(1.0, 2.0), (3.0, 4.0)])
+    assert {name: list(values) for name, values in seen.items()} == {"one": [1, 3], "two": [2, 4]}
 
 
-def test_a_kidnapped_robot_drives_the_stated_number_of_steps_undisturbed_and_the_next_from_elsewhere():
+def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsewhere_in_every_episode():
     elsewhere = Pose(0.6, 0.7, 1.0)
 
     def poses(kidnapper):
         with HomingEnv(SMALL.with_changes(max_steps=6), observation="features") as env:
             env.reset(seed=0)
-            steps, _ = run_episode(kidnapper(env), RandomAgent(SMALL, np.random.default_rng(1)))
-            moves = [env.settings.wheel_commands_m[int(action)] for action in steps[:, 3]]
-            there, _ = drive(elsewhere, *moves[3], SMALL.wheel_base_m, env.world.clearance)
-        return steps[:, :3], there
+            world, agent = kidnapper(env), RandomAgent(SMALL, np.random.default_rng(1))
+            steps, after = run_episode(world, agent)[0], run_episode(world, agent)[0]
+            there, _ = drive(
+                elsewhere, *env.settings.wheel_commands_m[int(steps[3, 3])], SMALL.wheel_base_m, env.world.clearance
+            )
+        return steps[:, :3], there, after[:, :2]
 
-    alone, _ = poses(lambda env: env)
-    kidnapped, there = poses(lambda env: Kidnapped(env, 3, elsewhere))
+    alone, *_ = poses(lambda env: env)
+    kidnapped, there, after = poses(lambda env: Kidnapped(env, 3, elsewhere))
     np.testing.assert_array_equal(kidnapped[:3], alone[:3])
     np.testing.assert_allclose(kidnapped[3], there, rtol=0, atol=1e-9)
-    assert not np.allclose(kidnapped[3], alone[3])
-
-
-def test_a_robot_is_kidnapped_in_every_episode():
-    elsewhere = Pose(0.6, 0.7, 1.0)
-    with HomingEnv(SMALL.with_changes(max_steps=4), observation="features") as env:
-        env.reset(seed=0)
-        kidnapped = Kidnapped(env, 2, elsewhere)
-        agent = RandomAgent(SMALL, np.random.default_rng(1))
-        for _ in range(2):
-            steps, _ = run_episode(kidnapped, agent)
-            assert np.hypot(*(steps[2, :2] - elsewhere[:2])) < 0.07 < np.hypot(*(steps[1, :2] - elsewhere[:2]))
+    assert np.hypot(*(after[3] - elsewhere[:2])) < 0.07 < np.hypot(*(after[2] - elsewhere[:2]))
 
 
 def test_starts_cover_the_room_where_the_robot_fits():
     with HomingEnv(SMALL) as env:
-        starts = list(measures.starts_everywhere(env))
-        assert all(env.world.clearance(*pose[:2]) >= 0 for pose in starts)
-    places = Counter(pose[:2] for pose in starts)
-    assert set(places.values()) == {8}
-    assert len({round(pose.heading, 6) for pose in starts}) == 8
-    for low, high, size in zip(np.min(list(places), 0), np.max(list(places), 0), PAPER.size, strict=True):
+        places = list({pose[:2] for pose in measures.starts_everywhere(env)})
+        assert all(env.world.clearance(*place) >= 0 for place in places)
+    for low, high, size in zip(np.min(places, 0), np.max(places, 0), PAPER.size, strict=True):
         assert low < 0.1
         assert high > size - 0.16
 
@@ -284,22 +248,21 @@ def plane(home, **changes):
     )
 
 
-def test_straight_ahead_the_shortest_way_is_the_distance_by_the_step():
-    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.31, forward_m=0.04)) == 8
-    assert measures.fewest_steps(plane(lambda pose: pose.x >= 0.21 + 0.01, forward_m=0.04)) == 1
+@pytest.mark.parametrize(
+    ("home", "changes", "least"),
+    [
+        (lambda pose: pose.x >= 0.21 + 0.31, {"forward_m": 0.04}, 8),
+        (lambda pose: pose.x >= 0.21 + 0.01, {"forward_m": 0.04}, 1),
+        (lambda pose: abs(pose.heading) > pi - 0.01, {"turn_deg": 20.0}, 9),
+        (lambda pose: False, {"max_steps": 4}, np.nan),
+    ],
+)
+def test_the_shortest_way_is_distance_by_step_and_angle_by_turn_and_none_is_longer_than_the_cap(home, changes, least):
+    assert measures.fewest_steps(plane(home, **changes)) == pytest.approx(least, nan_ok=True)
 
 
-def test_an_about_turn_takes_the_angle_by_the_turn_and_no_way_takes_more_than_the_cap():
-    away = plane(lambda pose: abs(pose.heading) > pi - 0.01, turn_deg=20.0)
-    assert measures.fewest_steps(away) == 9
-    assert np.isnan(measures.fewest_steps(plane(lambda pose: False, max_steps=4)))
-
-
-def test_a_wall_is_not_driven_through():
-    def behind(pose):
-        return pose.x >= 0.40
-
-    around = plane(behind, forward_m=0.04, turn_deg=30.0, turn_advance_m=0.03)
+def test_the_shortest_way_does_not_drive_through_a_wall():
+    around = plane(lambda pose: pose.x >= 0.40, forward_m=0.04, turn_deg=30.0, turn_advance_m=0.03)
     straight = measures.fewest_steps(around)
     around.world.clearance = lambda x, y: max(abs(x - 0.31) - 0.005, abs(y - 0.51) - 0.1)
     assert straight == 5
@@ -309,11 +272,8 @@ def test_a_wall_is_not_driven_through():
 @pytest.mark.slow
 def test_no_episode_is_shorter_than_the_shortest_way():
     for seed in (1000, 1001):
-        least = measures.shortest(COMPACT, seed)["steps"]
-        learnt = run(COMPACT, seed)
-        assert least.shape == (1,)
-        assert learnt.reached.any()
-        assert least[0] <= learnt.lengths[learnt.reached].min()
+        (least,), learnt = measures.shortest(COMPACT, seed)["steps"], run(COMPACT, seed)
+        assert least <= learnt.lengths[learnt.reached].min()
 
 
 def test_views_compare_the_camera_with_the_atlas():
@@ -331,22 +291,19 @@ def test_views_compare_the_camera_with_the_atlas():
 def test_the_docstring_of_a_measure_names_every_column_of_its_table():
     assert {*STEP_COLUMNS} <= set(re.findall(r"`([^`]+)`", (DATA / "README.md").read_text(encoding="utf-8")))
     for study in TABLES:
-        told = f"{study.measure.__doc__} {measures.totals_of.__doc__ if 'total' in study.measure.__doc__ else ''}"
-        words = set(re.findall(r"`([^`]+)`", told))
+        text = f"{study.measure.__doc__} {measures.totals_of.__doc__ if 'total' in study.measure.__doc__ else ''}"
+        words = set(re.findall(r"`([^`]+)`", text))
         columns = {re.sub(r"after_\d+", "after_5", name) for name in pd.read_parquet(study.table)}
         assert columns - words <= {"condition", "seed"}, (study.name, study.measure.__name__)
 
 
 @each_table
 def test_a_stored_table_is_of_its_study_as_it_stands_and_complete(study):
-    table = load_table(study)
-    rows = table.groupby(["condition", "seed"], observed=True).size()
+    rows = load_table(study).groupby(["condition", "seed"], observed=True).size()
     assert len(rows) == len(study.conditions) * len(study.seeds)
     if study.measure in (measures.totals, measures.curve):
-        episodes = {
-            label: 1 if study.measure is measures.totals else one.episodes for label, one in study.conditions.items()
-        }
-        assert all(rows[label].eq(count).all() for label, count in episodes.items())
+        for label, settings in study.conditions.items():
+            assert rows[label].eq(1 if study.measure is measures.totals else settings.episodes).all()
 
 
 def recomputed_as_stored(study, label, seed, **changes):
@@ -365,10 +322,9 @@ def sample(study, count):
 
 
 def test_the_shortest_run_of_the_headline_is_the_same_when_computed_again():
-    study = studies.HEADLINE
-    stored = [(one, label) for label, results in runs.load_study(study).items() for one in results]
-    one, label = min(stored, key=lambda pair: len(pair[0].steps))
-    assert runs.compare(one, run(study.conditions[label], one.seed)) in ("to the bit", "within tolerance")
+    stored = [one for results in runs.load_study(studies.HEADLINE).values() for one in results]
+    one = min(stored, key=lambda result: len(result.steps))
+    assert runs.compare(one, run(one.settings, one.seed)) in ("to the bit", "within tolerance")
 
 
 def test_a_run_with_the_camera_and_some_on_the_coarsest_atlas_are_the_same_when_computed_again():

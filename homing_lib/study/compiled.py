@@ -1,7 +1,7 @@
-"""What `environment`, `robot`, `policy` and `sarsa` say in words, compiled: whole episodes on an atlas, some ten times
-as fast and the same to the bit (`tests/test_engine.py`). There is the text; here, line by line, its translation.
+"""What `environment`, `policy` and `sarsa` say, compiled: whole episodes on an atlas, some ten times as fast and the
+same to the bit (`tests/test_engine.py`). There is the text; here, line by line, its translation.
 
-All that is compiled stands here and in `compiled_world`: the compiler's cache is kept under the hash of both files.
+All that is compiled stands here and in `compiled_world`, since the compiler's cache goes by the hash of both files.
 Sums and products are made in the order in which Python and NumPy make them.
 """
 
@@ -50,21 +50,21 @@ class Agent(NamedTuple):
     """
 
     chooser: int
-    mixture: int
-    climbing: float
-    learns: bool
     weights: Any
-    trace: Any
-    begins_with: Any
-    lambdas: Any
-    discount: float
-    clip: bool
-    on_zero: float
-    rule_is_ours: bool
-    overwrites: bool
-    all_weights: bool
-    bootstraps: bool
-    learns_at_walls: bool
+    mixture: int = 0
+    climbing: float = 0.0
+    learns: bool = False
+    trace: Any = np.empty((0, 0))
+    begins_with: Any = np.empty((0, 0))
+    lambdas: Any = np.empty(0)
+    discount: float = 0.0
+    clip: bool = True
+    on_zero: float = 0.0
+    rule_is_ours: bool = True
+    overwrites: bool = False
+    all_weights: bool = False
+    bootstraps: bool = False
+    learns_at_walls: bool = False
 
 
 @cfunc(RULE, cache=KEPT)
@@ -200,12 +200,12 @@ def episodes(
             return DONE
         rates = schedule[number]
         alpha = rates[0]
-        # What a new episode forgets: traces, the step before, the weights if it is told to.
+        # What a new episode forgets: traces, the step before; the weights, if it begins with others.
         if agent.learns:
             trace[:] = 0.0
         if agent.begins_with.size:
             agent.weights[:] = agent.begins_with
-        delta_prev, has_before, lambda_t, clipped = 0.0, False, 0.0, 0.0
+        delta_prev, has_before = 0.0, False
         place = starts[number % len(starts)]
         pose = (place[0], place[1], place[2])
         if not isfinite(place[0]):
@@ -237,7 +237,7 @@ def episodes(
                 last, seen = next_action, nrb
             else:
                 next_action = reflex
-            delta, lambda_told, clipped_told, length = 0.0, 0.0, 0.0, 0.0
+            delta, lambda_t, clipped, length = 0.0, 0.0, 0.0, 0.0  # what is recorded, where nothing is learnt
             if agent.learns and (agent.learns_at_walls or not at_wall):
                 q = np.dot(agent.weights[action], phi)
                 q_next = 0.0
@@ -246,7 +246,6 @@ def episodes(
                 delta = reward + agent.discount * q_next - q  # eq. (1)
                 phi_sa[:] = 0.0
                 phi_sa[action * n : (action + 1) * n] = phi
-                lambda_t, clipped = 0.0, 0.0
                 if has_before:  # eq. (7)
                     if agent.lambdas.size:
                         lambda_t = agent.lambdas[min(progress[2], agent.lambdas.size - 1)]
@@ -277,7 +276,7 @@ def episodes(
                         change[i] = factor * trace[action * n + i]
                         agent.weights[action, i] += change[i]
                     squares = np.dot(change[:n], change[:n])
-                lambda_told, clipped_told, length = lambda_t, clipped, sqrt(squares)
+                length = sqrt(squares)
                 if not isfinite(squares):
                     if not np.isfinite(theta).all():
                         return DIVERGED
@@ -290,7 +289,7 @@ def episodes(
             row = steps[progress[1]]
             row[0], row[1], row[2] = pose
             row[3], row[4], row[5] = action, reward, nrb
-            row[6], row[7], row[8], row[9], row[10] = delta, lambda_told, clipped_told, length, at_wall
+            row[6], row[7], row[8], row[9], row[10] = delta, lambda_t, clipped, length, at_wall
             progress[1] += 1
             if terminal or t == task.max_steps:
                 break
@@ -307,7 +306,7 @@ def warm() -> None:
     short, at = np.zeros(3, np.int32), np.zeros((1, 1), np.int64)
     world = World(np.zeros((1, 3), np.uint16), one, at, two, 0.0, 0.0, 0.0, 1.0, 1.0, 1, one, short, short)
     body, task = Body(two, two, 1.0, 0.0, 0.0), Task(1.0, 1.0, 0.0, False, 0.0, 1.0, 0.0, 1, 1.0, 1.0)
-    agent = Agent(0, 0, 0.0, False, two, two, two, one, 1.0, True, 0.0, True, False, False, False, False)
+    agent = Agent(POLICY, two, trace=two, begins_with=two, lambdas=one)
     rng = np.random.default_rng(0)
     wander(world, body, (0.0, 0.0, 0.0), rng, places[:0])
     numbers, flags = np.zeros(0, np.int64), np.zeros(0, np.bool_)

@@ -1,4 +1,4 @@
-"""What `atlas`, `features` and `robot` say in words, compiled (`compiled` says more)."""
+"""What `atlas`, `features` and `robot` say, compiled. `compiled` says how."""
 
 from math import atan2, cos, pi, sin
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ inlined = njit(nogil=True, error_model="numpy", inline="always")
 
 
 class World(NamedTuple):
-    """An atlas (`Atlas`) and what a robot makes of its views (`CountedViews`).
+    """An atlas and what a robot makes of its views (`features.CountedViews`).
 
     views: pixels in each bin, shape (lattice poses, bins); front_m: the least of what the front sensors read there;
     position, clearance_m: shape (nx, ny); values, start, centre: phi_i = values[start_i + |count_i - centre_i|].
@@ -36,16 +36,15 @@ class World(NamedTuple):
 
 
 class Body(NamedTuple):
-    """The robot. commands_m, turns_m: ways of the (left, right) wheel, shapes (3, 2) and (2, 2)."""
+    """The robot. commands_m, turns_m: metres that the (left, right) wheels roll for an action, and for a turn of the
+    reflex, shapes (3, 2) and (2, 2).
+    """
 
     commands_m: Any
     turns_m: Any
     wheel_base_m: float
     slip: float
     clear_way_m: float
-
-
-# --- The world: atlas, features, robot --------------------------------------------------------------------------------
 
 
 @compiled
@@ -153,7 +152,7 @@ def _drive(world: Any, x: Any, y: Any, heading: Any, left: Any, right: Any, whee
 
 @inlined
 def act(world: Any, body: Any, pose: Any, reflex: Any, action: Any, rng: Any) -> Any:
-    """One step: the pose, the lattice pose seen from there (-1: none), action driven, reflex to come, at a wall."""
+    """One step: pose, number of the nearest lattice pose (-1: none), action driven, reflex to come, if at a wall."""
     if reflex < 0:
         left, right = body.commands_m[action, 0], body.commands_m[action, 1]
     else:
@@ -174,7 +173,7 @@ def act(world: Any, body: Any, pose: Any, reflex: Any, action: Any, rng: Any) ->
 
 @compiled
 def wander(world: Any, body: Any, pose: Any, rng: Any, seen: Any) -> Any:
-    """A survey's random drive: the number of the lattice pose after each step. False: one cannot stand somewhere."""
+    """A survey's random drive: writes the number of the lattice pose after each step. False: it came where none is."""
     reflex = -1
     for step in range(len(seen)):
         pose, seen[step], _, reflex, _ = act(world, body, pose, reflex, rng.integers(0, 3), rng)

@@ -1,7 +1,7 @@
-"""Numba, where it is: the compiled code of `compiled` is loaded, and lambda rules are compiled to be called by it.
+"""Numba, where it is: it loads the compiled code of `compiled`, and compiles lambda rules for it to call.
 
-Numba keeps what it has compiled in a folder of the checkout, else in one of the user's; it is named by the hash of the
-code, since numba itself goes by the age of a file. A rule is compiled anew in each process, in a third of a second.
+What numba has compiled is kept in a folder of the checkout, else in one of the user's, under the hash of the code,
+since numba itself goes by the age of a file. A rule is compiled anew in each process, in a third of a second.
 """
 
 import builtins
@@ -30,23 +30,20 @@ from homing_lib import lambdas
 from homing_lib.lambdas import Derived
 from homing_lib.storage import MARK, ROOT
 
-lock = threading.RLock()
+_lock = threading.RLock()
 
 
 class ForPython(Exception):
-    """Not for the compiled code: it is no such run, or something goes wrong in it, and Python has to say what."""
+    """Not for the compiled code: it knows no such run, or something goes wrong in it, and Python has to say what."""
 
 
 # --- The compiled code ------------------------------------------------------------------------------------------------
 
 
 def load() -> Any:
-    """The module `compiled`, or None where there can be none, of which a word is said once."""
-    with lock:
+    """The module `compiled`; or None, and once a line that says why, where it cannot be compiled."""
+    with _lock:
         return _loaded()
-
-
-_MODULES = ("homing_lib.study.compiled_world", "homing_lib.study.compiled")
 
 
 @cache
@@ -57,34 +54,46 @@ def _loaded() -> ModuleType | None:
     except Exception as error:  # a broken one raises what it likes
         _say(f"numba cannot be loaded ({_short(error)}): {slower}")
         return None
-    config: Any = numba.config
-    own = config.CACHE_DIR
-    files = [Path(__file__).with_name(f"{name.rpartition('.')[2]}.py") for name in _MODULES]
-    key = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
     checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
     problem: Exception | None = None
     for place in (*checkout, platformdirs.user_cache_path("homing"), None):
-        config.CACHE_DIR = str(place / "numba" / key) if place else ""
-        for name in _MODULES:
-            sys.modules.pop(name, None)
         try:
-            if place:  # tried here, since numba would choose another place without a word
-                Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
-                TemporaryFile(dir=config.CACHE_DIR).close()
-            compiled = importlib.import_module(_MODULES[-1])
-            compiled.warm()
-        except OSError as error:  # no place to write to, or no more of it
+            compiled = _compiled_in(place, numba.config)
+        except OSError as error:  # it cannot be written to, or has no more room
             problem = error
             continue
         except Exception as error:
             _say(f"the engine cannot be compiled ({_short(error)}): {slower}")
             return None
-        finally:
-            config.CACHE_DIR = own
         if place is None:
             _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in ten seconds")
         return compiled
     return None
+
+
+_MODULES = ("homing_lib.study.compiled_world", "homing_lib.study.compiled")
+
+
+def _compiled_in(place: Path | None, config: Any) -> ModuleType:
+    """The module, compiled or read from what is kept in a place; None: it is not kept."""
+    own = config.CACHE_DIR
+    files = [Path(__file__).with_name(f"{name.rpartition('.')[2]}.py") for name in _MODULES]
+    key = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    for name in _MODULES:
+        sys.modules.pop(name, None)
+    try:
+        config.CACHE_DIR = str(place / "numba" / key) if place else ""
+        if place:  # tried here, since numba would choose another place without a word
+            is_new = not Path(config.CACHE_DIR).exists()
+            Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
+            TemporaryFile(dir=config.CACHE_DIR).close()
+            if is_new:
+                tqdm.write("homing: compiling the engine, once, in ten seconds", file=sys.stderr)
+        compiled = importlib.import_module(_MODULES[-1])
+        compiled.warm()
+        return compiled
+    finally:
+        config.CACHE_DIR = own
 
 
 _SAID = "HOMING_ENGINE_SAID"
@@ -103,7 +112,7 @@ def _short(error: Exception | None) -> str:
 
 # --- A lambda rule ----------------------------------------------------------------------------------------------------
 
-_FUNCTIONS: dict[Any, Any] = {}  # compiled rules, or None for those that cannot be, by all that they depend on
+_RULES: dict[Any, Any] = {}  # compiled rules, or None for those that cannot be, by all that they depend on
 _ADAPTER = """
 def adapter(delta, phi, delta_prev, phi_prev, trace_prev, discount):
     try:
@@ -119,25 +128,22 @@ def compiled_rule(rule: Any) -> Any:
         key = _content(rule)
     except (ValueError, RecursionError):  # a name without a value; a function that calls itself
         raise ForPython from None
-    with lock:
-        if key not in _FUNCTIONS:
+    with _lock:
+        if key not in _RULES:
             try:
-                _FUNCTIONS[key] = _adapted(rule)
+                _RULES[key] = _adapted(rule)
             except Exception:  # numba raises what it likes
-                _FUNCTIONS[key] = None
-    if _FUNCTIONS[key] is None:
+                _RULES[key] = None
+    if _RULES[key] is None:
         raise ForPython
-    return _FUNCTIONS[key]
+    return _RULES[key]
 
 
 def is_ours(rule: Any) -> bool:
     """Whether a rule is one of `lambdas`, which raise where their ratio is undefined, and for no other reason."""
     if isinstance(rule, Derived):
-        return is_ours(rule.rule) and getattr(rule.change, "__module__", "") in (
-            lambdas.__name__,
-            "builtins",
-            "_operator",
-        )
+        ours = (lambdas.__name__, "builtins", "_operator")
+        return is_ours(rule.rule) and getattr(rule.change, "__module__", "") in ours
     return isinstance(rule, FunctionType) and rule.__module__ == lambdas.__name__
 
 
@@ -153,10 +159,10 @@ def _adapted(rule: Any) -> Any:
     known = {"delta", "phi", "delta_prev", "phi_prev", "trace_prev", "discount"}
     names: dict[str, Any] = {"nan": math.nan, "rule": njit(_positional(rule))}
     defaults = {one.name: one.default for one in parameters if one.name not in known and one.name in takes}
-    names |= {f"default_{name}": _frozen(value) for name, value in defaults.items()}
+    names |= {f"default_{name}": _for_numba(value) for name, value in defaults.items()}
     call = f"rule({', '.join(name if name in known else f'default_{name}' for name in takes)})"
     for number, change in enumerate(reversed(changes)):
-        names[f"change{number}"] = _frozen(change)
+        names[f"change{number}"] = _for_numba(change)
         call = f"change{number}({call})"
     exec(_ADAPTER.format(call=call), names)
     with warnings.catch_warnings():
@@ -164,14 +170,17 @@ def _adapted(rule: Any) -> Any:
         return cfunc(compiled.RULE)(names["adapter"])
 
 
-# What a rule may use: what numba computes to the last bit as Python and NumPy do.
-_BUILTINS = (abs, min, max, float, bool, len, range)
-_FUNCTIONS_OF = (math.isfinite, math.isnan, math.sqrt, math.fabs, operator.neg, ddot, np.dot)
-_UFUNCS = (np.sqrt, np.abs, np.sign, np.isfinite, np.isnan, np.add, np.subtract, np.multiply)
+# --- What a rule may use: what numba computes to the last bit as Python and NumPy do ----------------------------------
+
+_MODULES_AND_FUNCTIONS: tuple[Any, ...] = (
+    *(math, math.isfinite, math.isnan, math.sqrt, math.fabs),
+    *(np, np.dot, np.sqrt, np.abs, np.sign, np.isfinite, np.isnan, np.add, np.subtract, np.multiply),
+    *(operator, operator.neg, ddot, abs, min, max, float, bool, len, range),
+)
 _ATTRIBUTES = ("isfinite", "isnan", "sqrt", "fabs", "dot", "abs", "absolute", "sign", "neg", "size", "shape")
-_OPERATORS = ("**", "**=", "%", "%=", "//", "//=", "<<", "<<=", ">>", ">>=")  # not these
+_NO_OPERATORS = ("**", "**=", "%", "%=", "//", "//=", "<<", "<<=", ">>", ">>=")
 _ERRORS = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "ValueError", "Exception")
-_ODD = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
+_NO_PLAIN_FUNCTION = inspect.CO_VARARGS | inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR
 
 
 @cache
@@ -184,10 +193,10 @@ def _dots_agree() -> bool:
 
 @cache
 def _names(code: CodeType) -> tuple[str, ...]:
-    """What a function looks for outside itself. Raises ForPython for what it should not do."""
+    """The names that a function looks up outside itself. Raises ForPython if it does more than a rule may."""
     count = code.co_argcount + code.co_kwonlyargcount
     keywords = code.co_varnames[count : count + 1] if code.co_flags & inspect.CO_VARKEYWORDS else ()
-    if code.co_flags & _ODD or any(isinstance(one, CodeType) for one in code.co_consts):
+    if code.co_flags & _NO_PLAIN_FUNCTION or any(isinstance(one, CodeType) for one in code.co_consts):
         raise ForPython
     for step in dis.get_instructions(code):
         names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
@@ -195,23 +204,19 @@ def _names(code: CodeType) -> tuple[str, ...]:
             raise ForPython
         stores = step.opname.startswith(("STORE_GLOBAL", "STORE_DEREF", "STORE_ATTR", "DELETE_"))
         unknown = step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval not in _ATTRIBUTES
-        if stores or unknown or step.argrepr in _OPERATORS or any(name in keywords for name in names):
+        if stores or unknown or step.argrepr in _NO_OPERATORS or any(name in keywords for name in names):
             raise ForPython
     return tuple({step.argval: 0 for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"})
 
 
 def _outside(function: FunctionType) -> dict[str, Any]:
-    """What it finds there, by name."""
-    found = {}
-    for name in _names(function.__code__):
-        value = function.__globals__.get(name, getattr(builtins, name, None))
-        if name not in _ERRORS:
-            found[name] = value
-    return found
+    """What a function looks up outside itself, by name; errors apart. Raises ForPython as `_names` does."""
+    names = [name for name in _names(function.__code__) if name not in _ERRORS]
+    return {name: function.__globals__.get(name, getattr(builtins, name, None)) for name in names}
 
 
 def _content(value: Any) -> Any:
-    """All that a function, or what one finds outside itself, depends on, hashable. Raises ForPython."""
+    """All that a function, or what it looks up outside itself, depends on, hashable. Raises ForPython."""
     if isinstance(value, Derived):
         return "derived", _content(value.rule), _content(value.change)
     if isinstance(value, FunctionType):
@@ -221,35 +226,35 @@ def _content(value: Any) -> Any:
         return value.__code__, defaults, outside, cells
     if isinstance(value, bool | int | float | np.number):
         return type(value), repr(value)
-    if any(value is one for one in (math, np, operator, *_BUILTINS, *_FUNCTIONS_OF, *_UFUNCS)):
+    if any(value is one for one in _MODULES_AND_FUNCTIONS):
         return id(value)
     raise ForPython
 
 
-def _frozen(value: Any) -> Any:
-    """What numba takes in its place: functions compiled, all else as it is."""
-    from numba import njit
-
-    for name, stands_in in _STAND_INS:
-        if value is name:
-            return njit(stands_in)
-    return njit(_positional(value)) if isinstance(value, FunctionType) else value
-
-
-_STAND_INS: tuple[tuple[Any, Any], ...] = (
+_FOR_NUMBA: tuple[tuple[Any, Any], ...] = (
     (ddot, lambda x, y: np.dot(x, y)),
     (float, lambda x: 1.0 * x),  # numba knows no float(True)
     (max, lambda a, b: b if b > a else a),  # the first of equals, as Python has it: 0 and -0 are two
     (min, lambda a, b: b if b < a else a),
 )
-"""What stands for what numba lacks, or does otherwise."""
+"""What numba lacks, or does otherwise, and what does the same."""
+
+
+def _for_numba(value: Any) -> Any:
+    """What numba takes in the place of a value: functions compiled, all else as it is."""
+    from numba import njit
+
+    for function, does_the_same in _FOR_NUMBA:
+        if value is function:
+            return njit(does_the_same)
+    return njit(_positional(value)) if isinstance(value, FunctionType) else value
 
 
 def _positional(function: FunctionType) -> FunctionType:
-    """The function with its keywords as positions, and without **_; what it finds outside itself is frozen."""
+    """The function with its keywords as positions and without **_; what it looks up outside itself is as it is now."""
     code = function.__code__
-    outside = {name: _frozen(value) for name, value in _outside(function).items()}
-    cells = tuple(CellType(_frozen(cell.cell_contents)) for cell in function.__closure__ or ())
+    outside = {name: _for_numba(value) for name, value in _outside(function).items()}
+    cells = tuple(CellType(_for_numba(cell.cell_contents)) for cell in function.__closure__ or ())
     count = code.co_argcount + code.co_kwonlyargcount
     flags = code.co_flags & ~inspect.CO_VARKEYWORDS
     flat = code.replace(co_argcount=count, co_kwonlyargcount=0, co_posonlyargcount=0, co_flags=flags)

@@ -1,11 +1,10 @@
-"""The one door for whoever runs many robots: compiled where that can be, in Python where not; the results are the same.
+"""Runs for whoever needs many: compiled where that can be, else in Python, and the same to the bit either way.
 
-`run` and `run_episode` are those of `agent`. Compiled are runs on an atlas, the compact one too, of the agents of
-`agent` and `robots`, with accumulating traces and a lambda rule that is fixed, drawn beforehand (`beforehand`), or a
-function that `compiling` takes. In Python run: the camera; other traces and agents; all other rules; and once more each
-run in which something goes wrong, so that Python says what. `after_episode` is told when all episodes are over.
-Weights, traces, rates and generators are left as by Python; where the world stands is not, nor what the learner shows
-of its last step.
+`run` and `run_episode` do what those of `agent` do. Compiled are runs on an atlas, the compact one too, of the agents
+of `agent` and `robots`, with accumulating traces and a lambda rule that is fixed, drawn beforehand (`beforehand`), or a
+function that `compiling` can compile. All else runs in Python, as does, once more, each run in which something goes
+wrong, so that Python says what. Weights, traces, rates and generators are left as Python leaves them; not so the
+robot's place and what the learner shows of its last step. `after_episode` is called when all episodes are over.
 """
 
 import math
@@ -18,7 +17,7 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
 from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
@@ -40,29 +39,28 @@ ROWS = 50_000  # steps that one call of the compiled code makes, unless an episo
 _MOST_LAMBDAS = 10_000_000  # that are drawn beforehand
 _NEVER = np.array([-1.0, 0.0, 0.0, 0.0])  # is the robot carried away
 _NONE = np.empty(0)
-_COLUMNS = len(in_python.STEP_COLUMNS)
 
 
-# --- The door ---------------------------------------------------------------------------------------------------------
+# --- Runs and episodes ------------------------------------------------------------------------------------------------
 
 
-def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
-    """`agent.run`, with all that it takes, some ten times as fast where it can be compiled."""
+def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
+    """`agent.run`, with all that it takes; some ten times as fast where it is compiled."""
     try:
-        return run_compiled(settings, seed, lambda_rule, *more, **how)
+        return run_compiled(settings, seed, lambda_rule, **how)
     except ForPython:
-        return in_python.run(settings, seed, lambda_rule, *more, **how)
+        return in_python.run(settings, seed, lambda_rule, **how)
 
 
-def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
-    """The same, or ForPython."""
+def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
+    """The same. Raises ForPython where it cannot be compiled."""
     if settings.images == "camera" or load() is None:
         raise ForPython
-    return in_python.run(settings, seed, lambda_rule, *more, survey=_survey, episodes=_episodes, **how)
+    return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
 
 
 def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
-    """`agent.run_episode`, likewise."""
+    """`agent.run_episode`, as fast."""
     try:
         return run_episode_compiled(env, agent, options)
     except ForPython:
@@ -70,7 +68,7 @@ def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> 
 
 
 def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
-    """The same, or ForPython, and all is as before."""
+    """The same. Raises ForPython, and leaves everything as it was, where it cannot be compiled."""
     kidnapper = env if type(env) is Kidnapped else None
     world = kidnapper.home_env if kidnapper else env
     if load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas) or world.closed:
@@ -82,20 +80,16 @@ def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = 
     if kidnapper:
         try:
             carried = np.array([kidnapper.after, *world.free("place", kidnapper.pose)], dtype=float)
-        except UserError:  # which is said when the time has come
+        except UserError:  # Python raises it at the step in which the robot would be carried there
             raise ForPython from None
-    before = _state(world, agent)
-    try:
-        steps, _, reached, _ = _driven(world, agent, [_rates(agent)], start, carried)
-    except ForPython:
-        _restore(before)
-        raise
+    steps, _, reached, _ = _driven(world, agent, [_rates(agent)], start, carried)
     return steps, bool(reached[0])
 
 
 def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: Iterable[LambdaRule]) -> list[Any]:
-    """What a function says of each seed, with progress; it makes runs with these rules. On a thread per core where all
-    of them can be compiled, for then it computes outside of Python most of the time; else one after the other.
+    """What a function that makes runs with these rules returns for each seed, in order, with progress.
+
+    On a thread per core where all rules compile, since compiled code leaves Python free; else one after the other.
     """
     rules = list(rules)
     compiled = load() is not None and all(map(compiles, rules)) and not any(map(_draws, rules))
@@ -114,45 +108,7 @@ def compiles(lambda_rule: LambdaRule) -> bool:
         return False
 
 
-def _sarsa(agent: Any) -> SarsaAgent | None:
-    """Who learns, or has learnt, if it is one who is known here."""
-    inner = getattr(agent, "agent", agent)
-    return inner if type(inner) is SarsaAgent else None
-
-
-def _plain(rule: Any) -> Any:
-    """The rule itself, also where features are overwritten."""
-    return rule.rule if isinstance(rule, Overwritten) else rule
-
-
-def _draws(rule: Any) -> bool:
-    """Whether a rule draws its lambdas, from a generator of its own."""
-    return hasattr(rule, "beforehand")
-
-
-def _rates(agent: Any) -> tuple[float, float, float]:
-    """Step size, epsilon and tau of the episode that an agent has begun."""
-    sarsa = _sarsa(agent)
-    return (sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature) if sarsa else (0.0, 0.0, 0.0)
-
-
-def _state(world: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
-    """All that an episode changes, and how it is now."""
-    sarsa = _sarsa(agent)
-    generators = [getattr(one, name, None) for one, name in ((world, "np_random"), (agent, "rng"), (sarsa, "rng"))]
-    arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
-    return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
-
-
-def _restore(before: list[tuple[Any, Any]]) -> None:
-    for one, state in before:
-        if isinstance(one, np.ndarray):
-            one[:] = state
-        else:
-            one.bit_generator.state = state
-
-
-# --- What the compiled code is given ----------------------------------------------------------------------------------
+# --- Driving ----------------------------------------------------------------------------------------------------------
 
 
 def _wander(world: Any, settings: Settings, home: Pose, rng: np.random.Generator) -> Array:
@@ -172,12 +128,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     """`agent.run_episodes`."""
     sarsa = _sarsa(agent) if type(agent) in _LEARN else None
     schedule = [sarsa.rates(number) if sarsa else _rates(agent) for number in range(1, count + 1)]
-    before = _state(env, agent)
-    try:
-        steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start, _NEVER)
-    except ForPython:
-        _restore(before)
-        raise
+    steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start, _NEVER)
     if sarsa:
         sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature = schedule[(diverged or count) - 1]
     for number in range(1, len(lengths) + 1):
@@ -186,7 +137,30 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
 
 
 def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
-    """Episodes, one for each row of the schedule, from a start (a pose, or "uniform"). Raises ForPython."""
+    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". carried: see `compiled.episodes`.
+    Raises ForPython, and leaves everything as it was.
+    """
+    before = _state(env, agent)
+    try:
+        return _drive(env, agent, schedule, start, carried)
+    except ForPython:
+        for holder, state in before:
+            if isinstance(holder, np.ndarray):
+                holder[:] = state
+            else:
+                holder.bit_generator.state = state
+        raise
+
+
+def _state(world: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
+    """All generators and arrays that an episode changes, and the state of each."""
+    sarsa = _sarsa(agent)
+    generators = [getattr(one, name, None) for one, name in ((world, "np_random"), (agent, "rng"), (sarsa, "rng"))]
+    arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
+    return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
+
+
+def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
     compiled, s, count = load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
     atlas: Any = env.world
@@ -194,9 +168,9 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
     starts = np.full((1, 3), np.nan) if start == "uniform" else np.array([start])
     lengths, reached = np.zeros(count, np.int64), np.zeros(count, np.bool_)
     progress, blocks, rows = np.zeros(4, np.int64), [], np.array(schedule, dtype=float)
-    ended = compiled.DONE
+    columns, ended = len(in_python.STEP_COLUMNS), compiled.DONE
     while ended == compiled.DONE and progress[0] < count:
-        block = np.empty((max(min(ROWS, (count - progress[0]) * s.max_steps), s.max_steps), _COLUMNS))
+        block = np.empty((max(min(ROWS, (count - progress[0]) * s.max_steps), s.max_steps), columns))
         progress[1] = 0
         driven = progress[0]
         ended = compiled.episodes(
@@ -206,13 +180,15 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
     done, diverged = progress[0], ended == compiled.DIVERGED
     if ended == compiled.REPEAT or (diverged and count == 1):  # of one episode Python says it, by an error
         raise ForPython
-    if given.learns:
-        learner = agent.learner if type(agent) is SarsaAgent else agent.agent.learner
-        learner.steps += int(progress[3])
-        if _draws(drawn := _plain(learner.lambda_rule)):
+    sarsa = _sarsa(agent)
+    if given.learns and sarsa:
+        sarsa.learner.steps += int(progress[3])
+        if _draws(drawn := _unwrapped(sarsa.learner.lambda_rule)):
             drawn.beforehand(int(progress[2]))
     return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if diverged else 0)
 
+
+# --- What the compiled code is given ----------------------------------------------------------------------------------
 
 _LATTICES: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
 
@@ -262,49 +238,60 @@ def _task(env: HomingEnv) -> Any:
 
 
 _LEARN = (SarsaAgent, RestoredAgent)
-_KNOWN = (*_LEARN, FrozenAgent, ClimbGuidedAgent)
-_OWN = {"begin_episode", "choose", "learn"}  # of an agent or a learner, if it is not what its class says
+_WITH_SARSA = (*_LEARN, FrozenAgent, ClimbGuidedAgent)
+_OWN = {"begin_episode", "choose", "learn"}  # an agent or a learner that has one itself is not what its class says
+
+
+def _sarsa(agent: Any) -> SarsaAgent | None:
+    """The SarsaAgent that an agent is, or has."""
+    inner = getattr(agent, "agent", agent)
+    return inner if type(inner) is SarsaAgent else None
+
+
+def _rates(agent: Any) -> tuple[float, float, float]:
+    """Step size, epsilon and tau of the episode that an agent has begun."""
+    sarsa = _sarsa(agent)
+    return (sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature) if sarsa else (0.0, 0.0, 0.0)
 
 
 def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.random.Generator]:
-    """Who drives, its rule and its generator. Raises ForPython for an agent that is not known here."""
+    """An agent as the compiled code takes it, its rule and its generator. Raises ForPython for one of another kind."""
     compiled, kind, n = load(), type(agent), env.settings.n_features
-    nobody = np.empty((0, 0))
-    given: dict[str, Any] = {"chooser": compiled.RANDOM, "mixture": 0, "climbing": 0.0, "learns": False}
-    given |= {"weights": np.zeros((3, n)), "trace": nobody, "begins_with": nobody}
-    given |= {"lambdas": _NONE, "discount": 0.0, "clip": True, "on_zero": 0.0, "rule_is_ours": True}
-    given |= dict.fromkeys(("overwrites", "all_weights", "bootstraps", "learns_at_walls"), False)
     if kind in (RandomAgent, ClimbingAgent) and not _OWN & vars(agent).keys():
-        given["chooser"] = compiled.CLIMB if kind is ClimbingAgent else compiled.RANDOM
-        return compiled.Agent(**given), compiled.no_rule, agent.rng
+        chooser = compiled.CLIMB if kind is ClimbingAgent else compiled.RANDOM
+        return compiled.Agent(chooser, np.zeros((3, n))), compiled.no_rule, agent.rng
     sarsa = _sarsa(agent)
-    if not sarsa or kind not in _KNOWN or type(sarsa.learner) is not LinearSarsa:
+    if not sarsa or kind not in _WITH_SARSA or type(sarsa.learner) is not LinearSarsa:
         raise ForPython
-    learner, rng, rule = sarsa.learner, sarsa.rng, compiled.no_rule
-    if _OWN & (vars(sarsa).keys() | vars(learner).keys()) or {learner.weights.shape, learner.trace.shape} != {(3, n)}:
+    learner = sarsa.learner
+    of_itself = {*vars(sarsa), *vars(learner), *(vars(agent) if kind is not RestoredAgent else ())}
+    if _OWN & of_itself or {learner.weights.shape, learner.trace.shape} != {(3, n)}:
         raise ForPython
-    given |= {"chooser": compiled.POLICY, "weights": learner.weights}
-    given["mixture"] = compiled.MIXTURES.index(sarsa.settings.mixture)
+    given = compiled.Agent(compiled.POLICY, learner.weights, compiled.MIXTURES.index(sarsa.settings.mixture))
     if kind is ClimbGuidedAgent:
-        given |= {"chooser": compiled.GUIDED, "climbing": float(agent.share)}
-        rng = agent.rng
-    elif kind is FrozenAgent:
-        given["chooser"] = compiled.GREEDY if agent.greedy else compiled.POLICY
-    else:
-        if learner.traces != "accumulating":
-            raise ForPython
-        found = _rule(learner.lambda_rule, episodes * env.settings.max_steps)
-        rule, given["lambdas"], given["rule_is_ours"], given["overwrites"] = found
-        given |= {"learns": True, "trace": learner.trace, "discount": float(learner.discount)}
-        given |= {"clip": bool(learner.clip), "on_zero": float(learner.on_zero)}
-        given |= {"all_weights": learner.updates == "all", "bootstraps": bool(learner.bootstrap_terminal)}
-        given["learns_at_walls"] = sarsa.settings.learn_at_walls
-        if kind is RestoredAgent:
-            given["begins_with"] = agent.begins_with
-    return compiled.Agent(**given), rule, rng
-
-
-# --- Lambda rules -----------------------------------------------------------------------------------------------------
+        return given._replace(chooser=compiled.GUIDED, climbing=float(agent.share)), compiled.no_rule, agent.rng
+    if kind is FrozenAgent:
+        chooser = compiled.GREEDY if agent.greedy else compiled.POLICY
+        return given._replace(chooser=chooser), compiled.no_rule, sarsa.rng
+    if learner.traces != "accumulating":
+        raise ForPython
+    rule = _rule(learner.lambda_rule, episodes * env.settings.max_steps)
+    given = given._replace(
+        learns=True,
+        trace=learner.trace,
+        lambdas=rule.lambdas,
+        discount=float(learner.discount),
+        clip=bool(learner.clip),
+        on_zero=float(learner.on_zero),
+        rule_is_ours=rule.is_ours,
+        overwrites=rule.overwrites,
+        all_weights=learner.updates == "all",
+        bootstraps=bool(learner.bootstrap_terminal),
+        learns_at_walls=sarsa.settings.learn_at_walls,
+    )
+    if kind is RestoredAgent:
+        given = given._replace(begins_with=agent.begins_with)
+    return given, rule.function, sarsa.rng
 
 
 class _Rule(NamedTuple):
@@ -315,9 +302,9 @@ class _Rule(NamedTuple):
 
 
 def _rule(rule: Any, most: int) -> _Rule:
-    """A rule for the compiled code. most: as often it may be asked. Raises ForPython where it cannot be compiled."""
+    """A rule as the compiled code takes it. most: how often it may be asked. Raises ForPython if it cannot be."""
     compiled = load()
-    overwrites, rule = isinstance(rule, Overwritten), _plain(rule)
+    overwrites, rule = isinstance(rule, Overwritten), _unwrapped(rule)
     if isinstance(rule, Fixed):
         return _Rule(compiled.no_rule, np.array([rule.value]), True, overwrites)
     if _draws(rule):
@@ -326,3 +313,13 @@ def _rule(rule: Any, most: int) -> _Rule:
         # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
         return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), False, overwrites)
     return _Rule(compiled_rule(rule), _NONE, is_ours(rule), overwrites)
+
+
+def _unwrapped(rule: Any) -> Any:
+    """The rule itself, also where features are overwritten."""
+    return rule.rule if isinstance(rule, Overwritten) else rule
+
+
+def _draws(rule: Any) -> bool:
+    """Whether a rule draws its lambdas, from a generator of its own."""
+    return hasattr(rule, "beforehand")

@@ -15,6 +15,12 @@ CLIMBING = 0.7
 """In which share of its steps a robot that is guided by the climb does what the climb would."""
 
 
+def _best(agent: Any, phi: Array) -> int:
+    """The action of the largest value, the first of equals."""
+    values: list[float] = agent.learner.value_list(phi)
+    return values.index(max(values))
+
+
 class FrozenAgent(RandomAgent):
     """A trained agent that only drives: its weights as they are, the exploration of its episode, or none (`greedy`)."""
 
@@ -22,11 +28,8 @@ class FrozenAgent(RandomAgent):
         self.agent, self.greedy = agent, greedy
 
     def choose(self, phi: Array) -> int:
-        """As the agent would; greedy: its best action, the first of equals."""
-        if not self.greedy:
-            return self.agent.choose(phi)
-        values = self.agent.learner.value_list(phi)
-        return values.index(max(values))
+        """As the agent would; greedy: its best action."""
+        return _best(self.agent, phi) if self.greedy else self.agent.choose(phi)
 
 
 class RestoredAgent:
@@ -42,7 +45,7 @@ class RestoredAgent:
         self.agent.learner.weights[:] = self.begins_with
 
 
-class ClimbGuidedAgent(RandomAgent):
+class ClimbGuidedAgent(ClimbingAgent):
     """A trained agent that no longer learns and explores by climbing, where it explored at random while it learnt.
 
     In a share of its steps, drawn one by one, it does what `ClimbingAgent` would: it keeps to the last action, its own
@@ -53,26 +56,21 @@ class ClimbGuidedAgent(RandomAgent):
         self.agent, self.share, self.rng = agent, share, rng
         self.begin_episode(1)
 
-    def begin_episode(self, number: int) -> None:
-        """Forget the last view."""
-        self._action, self._similarity = 0, float("inf")
-
     def choose(self, phi: Array) -> int:
-        """The climb's action or the best."""
-        seen, before = similarity(phi), self._similarity
-        self._similarity = seen
-        if self.rng.random() >= self.share:
-            values = self.agent.learner.value_list(phi)
-            self._action = values.index(max(values))
-        elif seen <= before:
-            self._action = (self._action + 1 + int(self.rng.integers(2))) % 3
+        """The climb's action, or the best."""
+        if self.rng.random() < self.share:
+            return super().choose(phi)
+        self._action, self._similarity = _best(self.agent, phi), similarity(phi)
         return self._action
 
 
 def driver(kind: str, agent: SarsaAgent, settings: Settings, weights: Array, rng: np.random.Generator) -> Any:
-    """Who drives in trials after a training, with these weights, shape (3n,), the rates of the episode that comes next
-    and its own randomness: "learning on"; "restored" for each trial, or "forgetful", if the weights are the initial
-    ones; "frozen", "greedy", or "untrained"; "climbing", which the climb guides; "climb"; "random".
+    """Who drives in trials after a training. weights: shape (3, n), which it begins with; rng: its own randomness; its
+    rates are those of the episode that comes next.
+
+    kind: "learning on"; "restored", learning, each trial from these weights ("forgetful", if those are the initial
+    ones); "frozen", not learning ("untrained", likewise); "greedy", nor exploring; "climbing", frozen and guided by the
+    climb; "climb"; "random".
     """
     agent.rng = rng
     agent.begin_episode(settings.episodes + 1)
