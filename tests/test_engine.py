@@ -338,7 +338,7 @@ def copy(tmp_path):
     return ask
 
 
-COMPILING = ["homing: compiling the engine, once, in ten seconds"]
+COMPILING = ["homing: compiling the engine, once; this may take half a minute"]
 
 
 def test_a_changed_engine_is_compiled_anew_though_its_file_seems_as_old_and_as_long_and_says_so(copy):

@@ -66,7 +66,7 @@ def _loaded() -> ModuleType | None:
             _say(f"the engine cannot be compiled ({_short(error)}): {slower}")
             return None
         if place is None:
-            _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in ten seconds")
+            _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in fifteen seconds")
         return compiled
     return None
 
@@ -88,7 +88,7 @@ def _compiled_in(place: Path | None, config: Any) -> ModuleType:
             Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
             TemporaryFile(dir=config.CACHE_DIR).close()
             if is_new:
-                tqdm.write("homing: compiling the engine, once, in ten seconds", file=sys.stderr)
+                tqdm.write("homing: compiling the engine, once; this may take half a minute", file=sys.stderr)
         compiled = importlib.import_module(_MODULES[-1])
         compiled.warm()
         return compiled
