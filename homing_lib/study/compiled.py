@@ -148,18 +148,14 @@ def _choose(
     """An action. before, last: similarity and action of the step before, for who climbs; values: of `phi`, written."""
     if agent.chooser == RANDOM:
         return rng.integers(0, 3)
-    if agent.chooser == CLIMB:
+    if agent.chooser == CLIMB or (agent.chooser == GUIDED and rng.random() < agent.climbing):
         return (last + 1 + rng.integers(0, 2)) % 3 if nrb <= before else last
     for k in range(3):
         values[k] = np.dot(agent.weights[k], phi)
-    if agent.chooser == GREEDY:
+    if agent.chooser != POLICY:
         return _largest(values)
-    if agent.chooser == POLICY:
-        _probabilities(values, rates[1], rates[2], agent.mixture, shares)
-        return _sample(shares, rng)
-    if rng.random() >= agent.climbing:
-        return _largest(values)
-    return (last + 1 + rng.integers(0, 2)) % 3 if nrb <= before else last
+    _probabilities(values, rates[1], rates[2], agent.mixture, shares)
+    return _sample(shares, rng)
 
 
 # --- Episodes ---------------------------------------------------------------------------------------------------------
@@ -173,7 +169,6 @@ def episodes(
     agent: Any,
     rule: Any,
     starts: Any,
-    carried: Any,
     schedule: Any,
     agent_rng: Any,
     world_rng: Any,
@@ -184,10 +179,11 @@ def episodes(
 ) -> Any:
     """Drive the episodes from progress[0] on, as many as surely fit into `steps`. Returns DONE, DIVERGED or REPEAT.
 
-    starts: poses, shape (episodes or 1, 3), NaN: drawn anew; carried: after how many steps the robot is carried to
-    which pose, shape (4,), never if negative; schedule: step size, epsilon and temperature, shape (episodes, 3).
-    Written: steps, shape (rows, 11), `agent.STEP_COLUMNS`; lengths, reached, shape (episodes,); progress: episodes
-    that are finished, rows of `steps`, lambdas asked for, updates made.
+    starts: poses, shape (episodes or 1, 3), NaN: drawn anew; schedule: step size, epsilon and temperature, shape
+    (episodes, 3).
+
+    Written: steps, shape (rows, 11), `agent.STEP_COLUMNS`; lengths, reached, shape (episodes,); progress: episodes that
+    are finished, rows of `steps`, lambdas asked for, updates made.
     """
     actions, n = agent.weights.shape
     phi, phi_next = np.empty(n), np.empty(n)
@@ -217,8 +213,6 @@ def episodes(
         action = _choose(agent, phi, nrb, np.inf, 0, rates, agent_rng, values, shares)
         last, seen = action, nrb
         for t in range(1, task.max_steps + 1):
-            if t - 1 == carried[0]:
-                pose, reflex = (carried[1], carried[2], carried[3]), -1
             pose, at, action, reflex, at_wall = act(world, body, pose, reflex, action, world_rng)
             if at < 0:
                 return REPEAT
@@ -310,4 +304,4 @@ def warm() -> None:
     rng = np.random.default_rng(0)
     wander(world, body, (0.0, 0.0, 0.0), rng, places[:0])
     numbers, flags = np.zeros(0, np.int64), np.zeros(0, np.bool_)
-    episodes(world, body, task, agent, no_rule, two, one, two, rng, rng, two, numbers, flags, places)
+    episodes(world, body, task, agent, no_rule, two, two, rng, rng, two, numbers, flags, places)

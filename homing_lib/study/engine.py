@@ -23,7 +23,6 @@ from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
 from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv
-from homing_lib.errors import UserError
 from homing_lib.features import Array
 from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.robot import FRONT_SENSORS, Robot
@@ -31,13 +30,12 @@ from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
 from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
-from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, Kidnapped, RestoredAgent
+from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, RestoredAgent
 from homing_lib.survey import survey
 from homing_lib.thresholds import stopping_thresholds
 
 ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
 _MOST_LAMBDAS = 10_000_000  # that are drawn beforehand
-_NEVER = np.array([-1.0, 0.0, 0.0, 0.0])  # is the robot carried away
 _NONE = np.empty(0)
 
 
@@ -69,20 +67,13 @@ def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> 
 
 def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
     """The same. Raises ForPython, and leaves everything as it was, where it cannot be compiled."""
-    kidnapper = env if type(env) is Kidnapped else None
-    world = kidnapper.home_env if kidnapper else env
-    if load() is None or type(world) is not HomingEnv or not isinstance(world.world, Atlas) or world.closed:
+    if load() is None or type(env) is not HomingEnv or not isinstance(env.world, Atlas) or env.closed:
         raise ForPython
     if options and {*options} != {"start"}:
         raise ForPython
-    world.surveyed(_survey)
-    start, carried = world.start_pose(options["start"]) if options else world.start, _NEVER
-    if kidnapper:
-        try:
-            carried = np.array([kidnapper.after, *world.free("place", kidnapper.pose)], dtype=float)
-        except UserError:  # Python raises it at the step in which the robot would be carried there
-            raise ForPython from None
-    steps, _, reached, _ = _driven(world, agent, [_rates(agent)], start, carried)
+    env.surveyed(_survey)
+    start = env.start_pose(options["start"]) if options else env.start
+    steps, _, reached, _ = _driven(env, agent, [_rates(agent)], start)
     return steps, bool(reached[0])
 
 
@@ -128,7 +119,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     """`agent.run_episodes`."""
     sarsa = _sarsa(agent) if type(agent) in _LEARN else None
     schedule = [sarsa.rates(number) if sarsa else _rates(agent) for number in range(1, count + 1)]
-    steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start, _NEVER)
+    steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start)
     if sarsa:
         sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature = schedule[(diverged or count) - 1]
     for number in range(1, len(lengths) + 1):
@@ -136,13 +127,13 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     return steps, lengths, reached, diverged
 
 
-def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
-    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". carried: see `compiled.episodes`.
-    Raises ForPython, and leaves everything as it was.
+def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
+    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". Raises ForPython, and leaves
+    everything as it was.
     """
     before = _state(env, agent)
     try:
-        return _drive(env, agent, schedule, start, carried)
+        return _drive(env, agent, schedule, start)
     except ForPython:
         for holder, state in before:
             if isinstance(holder, np.ndarray):
@@ -152,15 +143,15 @@ def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried
         raise
 
 
-def _state(world: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
+def _state(env: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
     """All generators and arrays that an episode changes, and the state of each."""
     sarsa = _sarsa(agent)
-    generators = [getattr(one, name, None) for one, name in ((world, "np_random"), (agent, "rng"), (sarsa, "rng"))]
+    generators = [getattr(one, name, None) for one, name in ((env, "np_random"), (agent, "rng"), (sarsa, "rng"))]
     arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
     return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
 
 
-def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried: Array) -> Episodes:
+def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
     compiled, s, count = load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
     atlas: Any = env.world
@@ -174,7 +165,7 @@ def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any, carried:
         progress[1] = 0
         driven = progress[0]
         ended = compiled.episodes(
-            world, body, task, given, rule, starts, carried, rows, rng, env.np_random, block, lengths, reached, progress
+            world, body, task, given, rule, starts, rows, rng, env.np_random, block, lengths, reached, progress
         )
         blocks.append(block[: lengths[driven : progress[0]].sum()].copy())
     done, diverged = progress[0], ended == compiled.DIVERGED
