@@ -189,14 +189,6 @@ def test_a_robot_stopped_by_a_wall_turns_in_place_to_one_random_side_until_the_w
     assert sides == {LEFT_FORWARD, RIGHT_FORWARD}
 
 
-def test_a_robot_that_is_put_down_somewhere_else_has_no_reflex():
-    robot = Robot(Hall, Settings(), FACING_WALL)
-    robot.act(GO_FORWARD, np.random.default_rng(0))
-    assert robot.reflex is not None
-    robot.place(OPEN)
-    assert (robot.reflex, robot.pose) == (None, OPEN)
-
-
 def test_slip_spreads_the_way_of_each_wheel_by_its_share():
     s, rng = Settings(wheel_slip=0.1, forward_m=0.06), np.random.default_rng(0)
     rolled = []
