@@ -127,11 +127,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ```
 
-    `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
+    `settings` is a whole `Settings`; any further keyword is one of its fields (in `make_vec`, whose specification JSON
+    can hold only so, `**settings.model_dump()`), e.g. `room="paper"`, `images="atlas"`
     (histograms from a lattice of poses, tens of thousands of steps a second; features only) or "compact"
     (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
     `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8, 480
-    pixels wide, with home, the path so far and the robot. `close()` frees the simulator.
+    pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are (without,
+    `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
