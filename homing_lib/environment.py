@@ -189,7 +189,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self.world = self._atlas = open_(self.room, settings)
         self.model = model
         try:
-            self.home = self.require_free("home", self.room.home if home is None else home)
+            self.home = self.free("home", self.room.home if home is None else home)
             default = "uniform" if settings.start == "uniform" else self.room.start
             self.start = self.start_pose(default if start is None else start)
         except UserError:
@@ -249,7 +249,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
         self._require()
-        self._robot.place(self.require_free("place", pose))
+        self._robot.place(self.free("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
@@ -323,9 +323,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         """A start as it is, once it is known to be free. Raises UserError."""
-        return "uniform" if isinstance(start, str) and start == "uniform" else self.require_free("start", start)
+        return "uniform" if isinstance(start, str) and start == "uniform" else self.free("start", start)
 
-    def require_free(self, what: str, pose: Any) -> Pose:
+    def free(self, what: str, pose: Any) -> Pose:
         """A pose of the robot, its heading wrapped. Raises UserError, which names `what`, if it does not fit there."""
         try:
             x, y, heading = (float(value) for value in pose)

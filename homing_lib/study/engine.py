@@ -81,7 +81,7 @@ def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = 
     start, carried = world.start_pose(options["start"]) if options else world.start, _NEVER
     if kidnapper:
         try:
-            carried = np.array([kidnapper.after, *world.require_free("place", kidnapper.pose)], dtype=float)
+            carried = np.array([kidnapper.after, *world.free("place", kidnapper.pose)], dtype=float)
         except UserError:  # which is said when the time has come
             raise ForPython from None
     before = _state(world, agent)
