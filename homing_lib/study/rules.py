@@ -7,6 +7,7 @@ question for a study (`varying`).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from homing_lib.agent import AgentFactory
-from homing_lib.errors import UserError, misfit, shown
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
-from homing_lib.lambdas import AnyRule, lambda_spec
+from homing_lib.lambdas import LambdaRule, checked
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import iqm
 from homing_lib.study.engine import run, side_by_side
@@ -100,7 +101,7 @@ _TOO_FEW = "one robot says nothing of how robots differ; give two or more"
 
 
 def compare(
-    rules: Mapping[str, AnyRule],
+    rules: Mapping[str, LambdaRule],
     seeds: Sequence[int],
     settings: Settings | None = None,
     *,
@@ -122,20 +123,22 @@ def compare(
             raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
     for label in (*rules, *agents):
         try:
-            lambda_spec(rules[label]) if label in rules else _makes_agent(agents[label])
-        except (TypeError, ValueError) as error:
+            checked(rules[label]) if label in rules else _makes_agent(agents[label])
+        except TypeError as error:
             raise TypeError(f"{label}: {error}") from None
 
     def of_seed(seed: int) -> Array:
         learnt = [run(settings, seed, rule) for rule in rules.values()]
         return episode_matrix(learnt + [run(settings, seed, agent=makes) for makes in agents.values()])
 
-    driven: list[Any] = [*(lambda_spec(rule).rule for rule in rules.values()), *agents.values()]
+    driven: list[Any] = [*rules.values(), *agents.values()]
     steps = np.array(side_by_side(of_seed, seeds, driven))
     return Rules({label: steps[:, k] for k, label in enumerate((*rules, *agents))})
 
 
 def _makes_agent(makes: Any) -> None:
     """TypeError for what cannot be called with settings and a random generator."""
-    if wrong := misfit(makes, "settings", "rng"):
-        raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
+    try:
+        signature(makes).bind(Settings(), np.random.default_rng())
+    except TypeError as error:
+        raise TypeError(f"an agent is made by a function of settings and a random generator: {error}") from None
