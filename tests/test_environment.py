@@ -439,10 +439,12 @@ def test_what_is_asked_before_the_first_reset_or_after_the_end_is_refused_with_i
             attempt()
 
 
-def test_where_every_view_passes_for_home_there_is_one_line():
-    env = HomingEnv(light=0.01, image_size=16, observation="features", survey_steps=20)
-    with pytest.raises(UserError, match=r"^settings: every view passes for home; .*light"):
-        env.reset(seed=0)
+def test_where_every_view_passes_for_home_there_is_one_line_though_a_stricter_threshold_had_the_same_survey():
+    wide = COMPACT | {"variance_floor_pixels": 1000}
+    with HomingEnv(**wide, multiplier=1e9) as strict, HomingEnv(**wide) as env:
+        strict.reset(seed=0)
+        with pytest.raises(UserError, match=r"^settings: every view passes for home; .*light"):
+            env.reset(seed=0)
 
 
 # Resources
