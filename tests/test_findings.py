@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from homing_lib.errors import UserError
+from homing_lib.settings import Settings
 from homing_lib.study import findings, runs, studies, sweep
 from homing_lib.study.bootstrap import Interval
 from homing_lib.study.findings import Comparison
+from homing_lib.study.questions import varying, worth
 
 ASKED = findings.questions()
 STUDY = Path(findings.__file__).parent
@@ -240,6 +242,11 @@ def test_the_study_knows_its_questions_by_their_folder_alone():
 def test_the_tables_that_are_judged_are_of_studies_on_the_list():
     listed = {study.name for study in studies.in_order()}
     assert {table.name for one in ASKED.values() for table in one.tables} <= listed
+
+
+def test_the_rooms_where_worth_also_asks_with_another_step_size_are_those_where_another_was_chosen():
+    chosen = {room: varying.chosen(room, "taken", varying.FORM_2).alpha0 for room in studies.ROOMS}
+    assert tuple(room for room, alpha in chosen.items() if alpha != Settings().alpha0) == worth.OWN_STEP_SIZE
 
 
 def test_what_is_stored_is_what_the_tables_say():

@@ -322,12 +322,12 @@ def stored() -> dict[str, Finding]:
 
 def finding(name: str) -> Finding:
     """What was found about a question or claim. Raises UserError for a name that there is not, or is not judged."""
-    known = questions()
-    if name not in known:
-        raise UserError(f"{shown(name)}: no such question or claim; there are {', '.join(known)}{nearest(name, known)}")
-    if name not in stored():
+    found = stored()
+    if name in found:
+        return found[name]
+    if name in questions():
         raise UserError(f"{name}: not judged yet; `make data` judges")
-    return stored()[name]
+    raise UserError(f"{shown(name)}: no such question or claim; there are {', '.join(found)}{nearest(name, found)}")
 
 
 def verdicts() -> dict[str, str]:

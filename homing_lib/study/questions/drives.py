@@ -199,17 +199,18 @@ PAIRS = ("restored.frozen", "restored.forgetful")
 
 def compared(table: Any, name: str, comparisons: int = 0, **values: Any) -> dict[str, Comparison]:
     """Trials of each kind, their pairs at both caps, and the frozen robot beside random actions."""
-    kinds = [KINDS[int(kind)] for kind in sorted(table.kind.dropna().unique())]
+    here = rows(table, **values)
+    kinds = [KINDS[int(kind)] for kind in sorted(here.kind.dropna().unique())]
     found: dict[str, Comparison] = {}
     for cap, column in zip(CAPS, ("cut", "steps"), strict=True):
-        taken = {kind: outcomes(table, column, kind, **values) for kind in kinds}
+        taken = {kind: outcomes(here, column, kind) for kind in kinds}
         for pair in PAIRS:
             ours, theirs = pair.split(".")
             found[f"{name}.{pair}.{cap}"] = compare_steps(taken[ours], taken[theirs], comparisons=comparisons)
     found[f"{name}.frozen.random.{CAPS[-1]}"] = compare_steps(taken["frozen"], taken["random"])
     for kind, steps in taken.items():
         found[f"{name}.{kind}.steps"] = estimate(steps)
-        found[f"{name}.{kind}.home"] = estimate(outcomes(table, "home", kind, **values))
+        found[f"{name}.{kind}.home"] = estimate(outcomes(here, "home", kind))
     return found
 
 
