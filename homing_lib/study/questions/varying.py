@@ -241,16 +241,16 @@ def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Compa
 
 
 def smallest(room: str, update: str, robots: int) -> float:
-    """The smallest ratio of total steps that so many robots would detect, said before they drive: by the choice's."""
+    """The smallest ratio of total steps that so many robots would detect, said before they drive, by the choice."""
     ours, theirs = (
         CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
     )
     return smallest_ratio(ours, theirs, robots, COMPARISONS)
 
 
-def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> str:
+def helps(found: Mapping[str, Comparison], room: str) -> str:
     """Whether form 2 takes fewer total steps than fixed 0, the best fixed lambda and draws: yes, no or undecided."""
-    words = (found[f"{room}.{update}.{who}.total"].verdict for who in ("fixed0", "best", "draws"))
+    words = (found[f"{room}.taken.{who}.total"].verdict for who in ("fixed0", "best", "draws"))
     return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION)
 
 

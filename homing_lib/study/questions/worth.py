@@ -29,7 +29,6 @@ from homing_lib.study.findings import (
 )
 from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
 from homing_lib.study.questions import drives, rooms, varying
-from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, episode_matrix
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, study
@@ -49,7 +48,7 @@ def added_up(settings: Settings, seed: int) -> Columns:
 
 def _added_up(*rooms: str) -> dict[str, Settings]:
     return labelled(
-        after(EVERY[-1], room=room, controller=controller, start=start)
+        drives.after(EVERY[-1], room=room, controller=controller, start=start)
         for room in rooms
         for controller in ("sarsa", "climb")
         for start in ("room", "uniform")
