@@ -433,8 +433,12 @@ def test_what_stands_beside_the_verdicts_is_compared_with_whom_it_names():
     found = judged("worth", *added_up((), ()))[1]
     assert [found[f"{room}.own step size.20"].verdict for room in worth.OWN_STEP_SIZE] == ["fewer", "more"]
     assert found["hall.published.restored.of climb.steps"].verdict == "fewer"
-    found = judged("C9", carried(0.9, 0.98))[1]
-    assert found["restored.light 0.97"].value == pytest.approx(0.98)
+    darker = carried(0.9, 0.98)
+    darker.loc[darker.bright < 1, "home"] = 0.5
+    found = judged("C9", darker)[1]
+    shares = [found[f"restored.{trials}"].value for trials in ("light 0.97", "light 1", "light 1.03", "carried")]
+    assert shares == pytest.approx([0.5, 0.98, 0.98, 0.9])
+    assert [found[f"restored.light {light} or as learnt"].verdict for light in (0.97, 1.03)] == ["fewer", "the same"]
     assert found["frozen.carried"].value == pytest.approx(0.2)
     found = judged("C13", form_2(good_from(14)))[1]
     assert found["first good"].interval == (14, 14, 14)

@@ -54,7 +54,7 @@ def test_a_fixed_lambda_on_the_walk_has_the_error_of_the_literature():
 def test_no_rule_of_the_race_would_rather_have_a_step_size_beyond_those_that_it_offers():
     rules = ["fixed:0", "fixed:0.8", *(f"fletcher-reeves:on_zero={guard}" for guard in (0, 0.8, 1))]
     beyond = 0.01, *walk.RACE_SIZES[::2], 1.2
-    race = walk.race({rule: rule for rule in rules}, range(3), [1000], beyond)
+    race = walk.race({rule: rule for rule in rules}, judge=[1000], step_sizes=beyond)
     assert {*race.step_size.values()} <= {*walk.RACE_SIZES}
 
 
