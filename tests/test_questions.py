@@ -427,6 +427,10 @@ def test_what_stands_beside_the_verdicts_is_compared_with_whom_it_names():
     found = judged("printed", letter(50, 80))[1]
     assert found["E3 form 1.of random"].verdict == "fewer"
     assert found["all but features kept.of ours.total"].verdict == "the same"
+    diverging = raced(OTHERS, diverged=lambda _, one: one.lambda_rule == varying.FORM_2)
+    found = judged("varying", *diverging, unlearnt())[1]
+    endpoints = [found[f"paper.taken.fixed0.{endpoint}"].verdict for endpoint in ("total", "cut", "late", "lost")]
+    assert endpoints == ["fewer", "fewer", "fewer", "more"]
     found = judged("rooms", *helped_in(6))[1]
     assert found["pooled.taken.fixed0.total"].interval == pytest.approx((2 / 3,) * 3, abs=0.03)
     assert found["own.attic.fixed.total"].verdict == found["matrix.paper.declared.fixed.total"].verdict == "fewer"
