@@ -196,9 +196,9 @@ def test_what_an_undecided_comparison_could_have_found_is_as_far_as_its_half_wid
     half, least = bound * error, (bound + 0.841621) * error
     ratio = Comparison(1.0, np.exp(-half), np.exp(half), "undecided", judged)
     assert ratio.detectable == ("ratio", pytest.approx(np.exp(least), rel=1e-6))
-    for middle in (0.95 - half, -1.0):
-        difference = Comparison(middle, middle - half, middle + half, "undecided", judged)
-        assert difference.detectable == ("difference", pytest.approx(least, rel=1e-6))
+    for middle, scale in ((0.95 - half, 1), (-1.0, 1), (0.0, 40)):
+        difference = Comparison(middle, middle - scale * half, middle + scale * half, "undecided", judged)
+        assert difference.detectable == ("difference", pytest.approx(scale * least, rel=1e-6))
 
 
 def test_as_text_a_star_is_for_what_is_judged_and_only_what_of_it_is_undecided_says_what_it_could_have_found():

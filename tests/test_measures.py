@@ -91,6 +91,20 @@ def test_weights_learnt_and_learning_under_way_are_each_there_or_not_in_four_way
     assert learns("frozen") == learns("greedy") == learns("untrained") == [False] * 3
 
 
+@pytest.mark.parametrize(("module", "measure"), [(drives, drives.tried), (worth, worth.placed)])
+def test_each_kind_of_trial_has_with_each_seed_a_randomness_of_its_own(module, measure, monkeypatch):
+    states, driver = [], module.driver
+
+    def noted(*arguments):
+        states.append(str(arguments[-1].bit_generator.state))
+        return driver(*arguments)
+
+    monkeypatch.setattr(module, "driver", noted)
+    for seed in (3, 4):
+        measure(FEW, seed)
+    assert len({*states}) == len(states) == 2 * len(module.KINDS)
+
+
 def path(**columns):
     steps = np.zeros((len(next(iter(columns.values()))), len(STEP_COLUMNS)))
     for name, values in columns.items():
