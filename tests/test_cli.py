@@ -51,6 +51,7 @@ ENDLESS = [sys.executable, "-m", "homing_lib", *RUN, "--set=episodes=100000"]
         (["data", "headline", "--cluster", ""], ("--cluster", "empty")),
         (["data", "headline", "--stamp", "x"], ("--stamp", "NAME")),
         (["claims", "C8", "varing"], ("'varing'", "did you mean varying?")),
+        (["errata", "E3", "E99"], ("'E99'", "E1 to E")),
         (["where", "drivs"], ("'drivs'", "worth-map", "did you mean drives?")),
         (["where", "99"], ("'99'",)),
         (["notebook", "99-nothing"], ("99-nothing", "03-homing")),

@@ -3,7 +3,7 @@
 import ast
 import importlib.util
 import json
-import pkgutil
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import homing_lib.study.questions
 from homing_lib.errors import UserError
+from homing_lib.settings import Settings
 from homing_lib.study import findings, runs, studies, sweep
 from homing_lib.study.bootstrap import Interval
 from homing_lib.study.findings import Comparison
+from homing_lib.study.questions import varying, worth
 
 ASKED = findings.questions()
 STUDY = Path(findings.__file__).parent
-FILES = {one.name for one in pkgutil.iter_modules(homing_lib.study.questions.__path__)}
 
 SOURCE = '''
 from homing_lib.settings import Settings
@@ -32,17 +32,17 @@ SMALL = Settings(images="compact", episodes=2, survey_steps=20, max_steps=10)
 FLIGHTS = Study("flights", "Why not?", {"a": SMALL, "b": SMALL.with_changes(alpha0=1.0)}, range(3), curve)
 JUDGED = []
 
+@question("C2", "Claims come after.", "By construction.")
+def arithmetic():
+    return "by construction", {}
+
 @question("flies", "Does it fly?", """Yes, if it takes
     ten steps.""", FLIGHTS)
 def flies(table):
     JUDGED.append(len(table))
-    taken = table[table.condition == "a"].groupby("seed").steps.sum().to_numpy(float)
+    taken = table[table.condition == "a"].groupby("seed").steps.sum()
     found = {"of b": compare_steps(taken, taken, comparisons=2), "steps": estimate(taken)}
     return "yes" if found["steps"].value == 20 else "no", found
-
-@question("C2", "Claims come after.", "By construction.")
-def arithmetic():
-    return "by construction", {}
 '''
 
 
@@ -52,11 +52,11 @@ def asked(tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "DATA", tmp_path / "data")
     monkeypatch.setattr(runs, "SCRATCH", tmp_path / "scratch")
     monkeypatch.setattr(findings, "FILE", tmp_path / "data" / "findings.json")
-    monkeypatch.setattr(findings, "_QUESTIONS", {})
+    monkeypatch.setattr(findings, "REGISTERED", {})
     findings.stored.cache_clear()
 
     def ask(source=SOURCE):
-        findings._QUESTIONS.clear()
+        findings.REGISTERED.clear()
         path = tmp_path / "asked_here.py"
         path.write_text(source, encoding="utf-8")
         spec = importlib.util.spec_from_file_location("asked_here", path)
@@ -73,27 +73,17 @@ def asked(tmp_path, monkeypatch):
 def test_a_question_is_judged_stored_and_read_back(asked):
     module = asked()
     with pytest.raises(UserError, match=r"findings\.json: missing; `make data` judges$"):
-        findings.stored()
+        findings.finding("flies")
     findings.judge_all()
     found = findings.finding("flies")
     assert list(findings.stored()) == ["flies", "C2"]
-    assert (found.verdict, found.question.text, found.question.predicate) == (
-        "yes",
-        "Does it fly?",
-        "Yes, if it takes ten steps.",
-    )
-    assert found["of b"] == Comparison(1, 1, 1, "the same", 2)
-    assert found["steps"] == Comparison(20, 20, 20)
+    assert (found.verdict, found.question.text) == ("yes", "Does it fly?")
+    assert found.question.predicate == "Yes, if it takes ten steps."
+    assert found.comparisons == {"of b": Comparison(1, 1, 1, "the same", 2), "steps": Comparison(20, 20, 20)}
     assert found == findings.judge("flies")
     assert module.JUDGED == [12, 12]
     assert findings.verdicts() == {"flies": "yes", "flies.of b": "the same", "C2": "by construction"}
     assert findings.table(["flies"]).splitlines()[-1] == "| flies | Does it fly? | **yes** |"
-    told = findings.as_text(found).splitlines()
-    assert told[:2] == ["flies: Does it fly? yes", "  Predicate: Yes, if it takes ten steps."]
-    assert [line.split() for line in told[2:]] == [
-        ["*", "of", "b", "1.00", "[1.00,", "1.00]", "the", "same,", "tells", "1.00"],
-        ["steps", "20", "[20,", "20]"],
-    ]
 
 
 def test_it_is_judged_anew_when_its_table_or_its_judge_changes_and_only_then(asked):
@@ -104,7 +94,7 @@ def test_it_is_judged_anew_when_its_table_or_its_judge_changes_and_only_then(ask
     assert (module.JUDGED, findings.FILE.stat().st_mtime_ns) == ([12], before)
     more = replace(module.FLIGHTS, seeds=range(4))
     sweep.sweep(more, workers=1)
-    findings._QUESTIONS["flies"] = findings._QUESTIONS["flies"]._replace(studies=(more,))
+    findings.REGISTERED["flies"] = findings.REGISTERED["flies"]._replace(studies=(more,))
     findings.judge_all()
     assert module.JUDGED == [12, 16]
     module = asked(SOURCE.replace("== 20", "== 19"))
@@ -113,59 +103,41 @@ def test_it_is_judged_anew_when_its_table_or_its_judge_changes_and_only_then(ask
     assert findings.finding("flies").verdict == "no"
 
 
-def test_a_question_that_is_no_longer_asked_is_forgotten(asked):
+def test_a_question_that_is_no_longer_asked_is_forgotten_and_a_new_one_is_not_judged_yet(asked):
+    asked(SOURCE.replace('"C2"', '"C3"'))
+    findings.judge_all()
     asked()
+    with pytest.raises(UserError, match=r"^C2: not judged yet; `make data` judges$"):
+        findings.finding("C2")
     findings.judge_all()
-    asked(SOURCE[: SOURCE.index('@question("C2"')])
-    findings.judge_all()
-    assert list(findings.stored()) == ["flies"]
+    assert list(findings.stored()) == ["flies", "C2"]
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"{",
-        b"\xff\xfe",
-        b"[]",
-        b'{"flies": 1}',
-        b'{"flies": {"verdict": "yes", "made from": "x"}}',
-        b'{"flies": {"verdict": "yes", "made from": "x", "comparisons": {"steps": 20}}}',
-        b'{"flies": {"verdict": "yes", "made from": "x", "comparisons": {"steps": [1, 2, 3, "", true, 6]}}}',
-        b"[" * 100_000,
-    ],
-)
+def test_questions_come_in_their_order_then_those_that_have_none_then_the_claims_by_number(monkeypatch):
+    monkeypatch.setattr(findings, "REGISTERED", {})
+    for name, order in {"C10": {}, "new": {}, "C9": {}, "b": {"order": 1}, "a": {"order": 2}}.items():
+        findings.question(name, "?", "Yes.", **order)(lambda: ("yes", {}))
+    assert list(findings.questions()) == ["b", "a", "new", "C9", "C10"]
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"flies": 1}', '{"flies": {"verdict": "yes", "made from": "x"}}'])
 def test_damaged_findings_are_one_line_with_the_remedy(content, asked):
     asked()
-    findings.FILE.write_bytes(content)
+    findings.FILE.write_text(content)
     for read in (findings.stored, findings.judge_all):
-        with pytest.raises(UserError) as refusal:
+        with pytest.raises(UserError, match=r"^[^\n]*: damaged file \(.*\); delete it, and `make data` judges anew$"):
             read()
-        assert str(refusal.value).startswith(f"{findings.FILE}: damaged file (")
-        assert str(refusal.value).endswith("); delete it, and `make data` judges anew")
-        assert "\n" not in str(refusal.value)
-    findings.FILE.unlink()
-    findings.judge_all()
-    assert findings.finding("flies").verdict == "yes"
 
 
-def test_an_unknown_name_is_refused_with_what_there_is_and_the_nearest(asked):
+def test_a_name_that_there_is_not_is_refused_with_what_there_is_and_the_nearest(asked):
     asked()
     findings.judge_all()
     with pytest.raises(UserError, match=r"^'flys': no such question or claim; there are flies, C2.*did you mean flies"):
         findings.finding("flys")
     with pytest.raises(KeyError, match=r"flies: no comparison 'step'.*did you mean steps"):
         findings.finding("flies")["step"]
-
-
-def test_a_name_that_is_judged_elsewhere_is_refused(asked):
-    asked()
-
-    def flight():
-        return "no", {}
-
     with pytest.raises(ValueError, match="flies is judged already, in asked_here"):
-        findings.question("flies", "Does it?", "No.")(flight)
+        findings.question("flies", "Does it?", "No.")(test_a_question_is_judged_stored_and_read_back)
 
 
 def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
@@ -208,10 +180,8 @@ def test_a_side_of_a_limit_is_allowed_by_the_whole_interval_alone(limit, side):
         (["fewer", "the same"], "supported"),
         (["fewer"], "supported"),
         (["fewer", "more"], "contradicted"),
-        (["more"], "contradicted"),
         (["undecided", "more"], "contradicted"),
         (["fewer", "undecided"], "inconclusive"),
-        (["undecided"], "inconclusive"),
     ],
 )
 def test_one_word_contradicts_and_all_support(words, verdict):
@@ -220,15 +190,34 @@ def test_one_word_contradicts_and_all_support(words, verdict):
     assert findings.verdict_of(iter(words), ["the same", "fewer"], ["more"], findings.OF_A_QUESTION) == named[verdict]
 
 
+@pytest.mark.parametrize(("judged", "bound"), [(1, 1.959964), (8, 2.734369)])
+def test_what_an_undecided_comparison_could_have_found_is_as_far_as_its_half_width_and_the_power_ask(judged, bound):
+    error = 0.05
+    half, least = bound * error, (bound + 0.841621) * error
+    ratio = Comparison(1.0, np.exp(-half), np.exp(half), "undecided", judged)
+    assert ratio.detectable == ("ratio", pytest.approx(np.exp(least), rel=1e-6))
+    for middle, scale in ((0.95 - half, 1), (-1.0, 1), (0.0, 40)):
+        difference = Comparison(middle, middle - scale * half, middle + scale * half, "undecided", judged)
+        assert difference.detectable == ("difference", pytest.approx(scale * least, rel=1e-6))
+
+
+def test_as_text_a_star_is_for_what_is_judged_and_only_what_of_it_is_undecided_says_what_it_could_have_found():
+    words = [("the same", 2), ("undecided", 2), ("undecided", 0)]
+    found = findings.Finding("C8", "no", {f"{n}": Comparison(1, 0.9, 1.2, *word) for n, word in enumerate(words)})
+    lines = findings.as_text(found).splitlines()[2:]
+    assert [line.startswith("  * ") for line in lines] == [True, True, False]
+    assert [re.findall(r"\(.*\)", line) for line in lines] == [[], ["(could have found a ratio of 1.22)"], []]
+
+
 # The questions of the study
 
 
-def test_every_file_of_questions_asks_one_and_is_named_as_it_and_every_claim_of_the_paper_is_judged():
-    assert {one.judge.__module__.rpartition(".")[2] for one in ASKED.values()} == FILES
-    assert FILES - {"claims"} == {*findings.ORDER} <= {*ASKED}
+def test_every_claim_of_the_paper_is_judged_and_a_question_stands_in_a_file_of_its_name():
     claims = [f"C{number}" for number in range(1, 18)]
-    assert list(ASKED) == [*findings.ORDER, *claims]
     assert [one.name for one in ASKED.values() if one.is_claim] == claims
+    questions = {one.name: one.judge.__module__.rpartition(".")[2] for one in ASKED.values() if not one.is_claim}
+    assert list(questions) == list(questions.values())
+    assert {*questions.values(), "claims"} == {file.stem for file in studies.load_questions()}
 
 
 def test_every_question_has_its_predicate_without_docstrings_too():
@@ -242,17 +231,12 @@ def test_every_question_has_its_predicate_without_docstrings_too():
     assert [name for name, predicate in told.items() if len(predicate.split()) < 8] == []
 
 
-@pytest.mark.parametrize("file", sorted(STUDY.glob("*.py")), ids=lambda file: file.stem)
-def test_the_study_knows_its_questions_by_their_folder_alone(file):
-    imported = set()
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Import):
-            imported |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            imported |= {f"{node.module}.{alias.name}" for alias in node.names}
-    assert {name for name in imported if name.startswith("homing_lib.study.questions")} <= {
-        "homing_lib.study.questions"
-    }
+def test_the_study_knows_its_questions_by_their_folder_alone():
+    for file in STUDY.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = [getattr(node, "module", ""), *(alias.name for alias in node.names)]
+                assert not any(f"{name}".startswith("homing_lib.study.questions") for name in names), file
 
 
 def test_the_tables_that_are_judged_are_of_studies_on_the_list():
@@ -260,18 +244,15 @@ def test_the_tables_that_are_judged_are_of_studies_on_the_list():
     assert {table.name for one in ASKED.values() for table in one.tables} <= listed
 
 
+def test_the_rooms_where_worth_also_asks_with_another_step_size_are_those_where_another_was_chosen():
+    chosen = {room: varying.chosen(room, "taken", varying.FORM_2).alpha0 for room in studies.ROOMS}
+    assert tuple(room for room, alpha in chosen.items() if alpha != Settings().alpha0) == worth.OWN_STEP_SIZE
+
+
 def test_what_is_stored_is_what_the_tables_say():
     for name in ("printed", "C3", "C12", "conjugate"):
         kept, anew = findings.finding(name), findings.judge(name)
         assert anew.verdict == kept.verdict
-        assert {key: one.verdict for key, one in anew.comparisons.items()} == {
-            key: one.verdict for key, one in kept.comparisons.items()
-        }
+        words = [{key: one.verdict for key, one in found.comparisons.items()} for found in (kept, anew)]
+        assert words[0] == words[1]
     assert list(findings.stored()) == list(ASKED)
-
-
-@pytest.mark.parametrize(("judged", "bound"), [(1, 1.959964), (8, 2.734369)])
-def test_the_smallest_ratio_that_an_interval_tells_is_as_far_from_1_as_its_half_width_and_the_power_ask(judged, bound):
-    error = 0.05
-    found = Comparison(1.0, np.exp(-bound * error), np.exp(bound * error), "the same", judged)
-    assert found.smallest_ratio == pytest.approx(np.exp((bound + 0.841621) * error), rel=1e-6)

@@ -38,7 +38,7 @@ def _as_far_as_the_compact_atlas_goes(monkeypatch):
     """It has one light; and what is drawn comes from a pool of its own."""
     monkeypatch.setattr(worth, "LIGHTS", (1.0,))
     pool = pd.DataFrame({"met": [0.0, 0.25, 1.0], "count": [8, 1, 1]})
-    monkeypatch.setattr(varying, "_pool_of", lambda room, update: pool)
+    monkeypatch.setattr(varying, "pool_of", lambda room, update: pool)
 
 
 @each
@@ -59,26 +59,6 @@ def test_what_diverged_has_nothing_to_show_and_is_one_row_without_numbers(measur
 def test_what_diverged_counts_as_the_cap_where_all_episodes_are_added_up():
     assert worth.added_up(LOST.with_changes(episodes=60), 0)["after_20"] == [20 * 400]
     assert list(claims.changes(LOST, 0)["steps"]) == [400] * 3
-
-
-@pytest.mark.parametrize(
-    ("module", "measure"),
-    [(drives, drives.tried), (worth, worth.placed), (worth, worth.mapped), (worth, worth.carried)],
-)
-def test_trials_leave_the_weights_as_they_were_learnt(module, measure, monkeypatch):
-    left = []
-
-    def watched(settings, seed, names, rows_of):
-        def rows(env, agent):
-            before = agent.learner.weights.copy()
-            yield from rows_of(env, agent)
-            left.append(np.array_equal(agent.learner.weights, before))
-
-        return measures.rows_after(settings, seed, names, rows)
-
-    monkeypatch.setattr(module, "rows_after", watched)
-    measure(FEW, 3)
-    assert left == [True]
 
 
 def test_weights_learnt_and_learning_under_way_are_each_there_or_not_in_four_ways(monkeypatch):
@@ -111,6 +91,20 @@ def test_weights_learnt_and_learning_under_way_are_each_there_or_not_in_four_way
     assert learns("frozen") == learns("greedy") == learns("untrained") == [False] * 3
 
 
+@pytest.mark.parametrize(("module", "measure"), [(drives, drives.tried), (worth, worth.placed)])
+def test_each_kind_of_trial_has_with_each_seed_a_randomness_of_its_own(module, measure, monkeypatch):
+    states, driver = [], module.driver
+
+    def noted(*arguments):
+        states.append(str(arguments[-1].bit_generator.state))
+        return driver(*arguments)
+
+    monkeypatch.setattr(module, "driver", noted)
+    for seed in (3, 4):
+        measure(FEW, seed)
+    assert len({*states}) == len(states) == 2 * len(module.KINDS)
+
+
 def path(**columns):
     steps = np.zeros((len(next(iter(columns.values()))), len(STEP_COLUMNS)))
     for name, values in columns.items():
@@ -135,9 +129,8 @@ def test_trials_are_summed_up_as_one_works_out_by_hand():
 
 def test_the_climb_keeps_to_an_action_while_the_view_comes_closer_and_to_none_that_took_it_away():
     table = drives.tried(FEW, 3)
-    climb = drives.KINDS.index("climb")
+    climb, chance = (drives.KINDS.index(kind) for kind in ("climb", "random"))
     assert (table["stay_up"][climb], table["stay_down"][climb]) == (1, 0)
-    chance = drives.KINDS.index("random")
     assert table["stay_up"][chance] == pytest.approx(1 / 3, abs=0.1)
 
 
@@ -156,17 +149,24 @@ def test_steps_of_all_episodes_are_added_up_to_the_fifth_the_tenth_and_so_on():
     }
 
 
-def test_everyone_is_tried_from_every_place_once_and_sums_are_those_of_the_trials(monkeypatch):
-    trials = []
+def watch(monkeypatch, name):
+    """What a function of `worth` is asked and answers, in order."""
+    seen, function = [], getattr(worth, name)
 
     def noted(*arguments):
-        for one in _trials(*arguments):
-            trials.append(one)
-            yield one
+        answer = function(*arguments)
+        answer = answer if isinstance(answer, tuple) else list(answer)
+        seen.append((arguments, answer))
+        return answer
 
-    _trials = worth.trials
-    monkeypatch.setattr(worth, "trials", noted)
+    monkeypatch.setattr(worth, name, noted)
+    return seen
+
+
+def test_everyone_is_tried_from_every_place_once_and_sums_are_those_of_the_trials(monkeypatch):
+    seen = watch(monkeypatch, "trials")
     table = worth.placed(FEW, 3)
+    ((_, trials),) = seen
     by_kind = [[one[1:] for one in trials if one[0] == kind] for kind in worth.KINDS]
     places = [sorted(pose for pose, *_ in some[:-5]) for some in by_kind]
     assert all(some == places[0] for some in places)
@@ -191,22 +191,14 @@ def test_on_the_map_those_are_home_who_came_there_soon():
 
 
 def test_robots_are_carried_to_the_places_at_which_others_begin_and_have_as_many_steps_from_there(monkeypatch):
-    asked = []
-
-    def noted(world, driver, settings, pose, kidnapped):
-        steps, home = _trial(world, driver, settings, pose, kidnapped)
-        asked.append((pose, kidnapped, steps, home))
-        return steps, home
-
-    _trial = worth.way_home
-    monkeypatch.setattr(worth, "way_home", noted)
+    seen = watch(monkeypatch, "way_home")
     table = worth.carried(FEW, 3)
     assert list(zip(table["learning"], table["kidnapped"], strict=True)) == [(1, 0), (1, 1), (0, 0), (0, 1)]
-    assert len(asked) == 4 * 40
-    begun, carried = ([pose for pose, taken, *_ in asked if taken == kidnapped] for kidnapped in (False, True))
+    assert len(seen) == 4 * 40
+    begun, carried = ([pose for (*_, pose, taken), _ in seen if taken == kidnapped] for kidnapped in (False, True))
     assert begun == carried
     assert len({*begun}) == 40
-    for _, _, steps, reached in asked:
+    for _, (steps, reached) in seen:
         assert steps <= measures.TRIAL_STEPS
         assert reached or steps == measures.TRIAL_STEPS
 
@@ -225,9 +217,10 @@ def test_with_the_weights_of_the_taken_action_alone_it_is_left_as_soon_as_the_ac
     assert (of.follows < of.steps).all()
 
 
-def test_a_fixed_lambda_does_not_follow_the_conjugate_direction():
+def test_a_fixed_lambda_does_not_follow_the_conjugate_direction(monkeypatch):
+    form_2 = conjugate.lambda_spec("fletcher-reeves")
+    monkeypatch.setattr(conjugate, "lambda_spec", lambda _: form_2._replace(rule=Fixed(0.5)))
     watched = conjugate.Watched("fletcher-reeves")
-    watched._rule = Fixed(0.5)
     run(COMPACT.with_changes(update="all", episodes=1), 2000, lambda_rule=watched)
     assert not any(strict for strict, *_ in watched.asked)
 

@@ -228,8 +228,10 @@ def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsew
 
 def test_starts_cover_the_room_where_the_robot_fits():
     with HomingEnv(SMALL) as env:
-        places = list({pose[:2] for pose in measures.starts_everywhere(env)})
-        assert all(env.world.clearance(*place) >= 0 for place in places)
+        starts = list(measures.starts_everywhere(env))
+        assert all(env.world.clearance(*pose[:2]) >= 0 for pose in starts)
+    places = [pose[:2] for pose in starts]
+    assert len({*places}) == len(places)
     for low, high, size in zip(np.min(places, 0), np.max(places, 0), PAPER.size, strict=True):
         assert low < 0.1
         assert high > size - 0.16

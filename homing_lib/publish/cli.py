@@ -229,11 +229,12 @@ def claims(names: tuple[str, ...]) -> None:
 
 
 @homing.command()
-def errata() -> None:
-    """Every slip of the printed paper: reading, effect and proof."""
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def errata(names: tuple[str, ...]) -> None:
+    """Slips of the printed paper, such as E3, by default all: reading, effect and proof."""
     from homing_lib.publish import report
 
-    print(report.misprints())
+    print(report.misprints(names))
 
 
 @homing.command()

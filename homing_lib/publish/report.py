@@ -36,9 +36,9 @@ def judged(names: Sequence[str] = ()) -> str:
     return "\n\n".join([_paragraphs([findings.HOW]), *each])
 
 
-def misprints() -> str:
-    """Every erratum with its reading, effect and proof, a paragraph each, as plain text."""
-    return _paragraphs(errata.ERRATA)
+def misprints(names: Sequence[str] = ()) -> str:
+    """Errata, by their names or all, with reading, effect and proof, a paragraph each, as plain text."""
+    return _paragraphs(errata.chosen(names))
 
 
 def _paragraphs(markdown: Iterable[object]) -> str:

@@ -11,6 +11,7 @@ from statistics import NormalDist
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from homing_lib.features import Array
 
@@ -80,9 +81,10 @@ def iqm(values: Array, counts: Array | None = None) -> Array:
     return np.concatenate(means) / (robots - 2 * cut)
 
 
-def estimated(values: Array, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
+def estimated(values: ArrayLike, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
     """A statistic of numbers, one per robot."""
-    return bootstrap(lambda counts: statistic(values, counts), len(values), comparisons)
+    numbers = np.asarray(values, dtype=float)
+    return bootstrap(lambda counts: statistic(numbers, counts), len(numbers), comparisons)
 
 
 def band(table: Array) -> tuple[Array, Array, Array]:
@@ -91,35 +93,39 @@ def band(table: Array) -> tuple[Array, Array, Array]:
     return table.mean(axis=0), low, high
 
 
-def ratio(ours: Array, theirs: Array, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
+def ratio(ours: ArrayLike, theirs: ArrayLike, statistic: Statistic = mean, comparisons: int = 1) -> Interval:
     """A statistic of our robots over that of theirs; element i of both has the same seed, and is drawn with it."""
-    return bootstrap(lambda counts: statistic(ours, counts) / statistic(theirs, counts), len(ours), comparisons)
+    a, b = np.asarray(ours, dtype=float), np.asarray(theirs, dtype=float)
+    return bootstrap(lambda counts: statistic(a, counts) / statistic(b, counts), len(a), comparisons)
 
 
-def pooled(pairs: list[tuple[Array, Array]], statistic: Statistic = mean, comparisons: int = 1) -> Interval:
-    """Geometric mean of such ratios, of a room each: it speaks of other robots in these rooms, not of other rooms."""
+def pooled(pairs: list[tuple[Array, Array]]) -> Interval:
+    """Geometric mean of ratios of means, of a room each: of other robots in these rooms, not of other rooms."""
 
     def estimate(counts: Array) -> Array:
-        return np.exp(np.mean([np.log(statistic(a, counts) / statistic(b, counts)) for a, b in pairs], axis=0))
+        return np.exp(np.mean([np.log(mean(ours, counts) / mean(theirs, counts)) for ours, theirs in pairs], axis=0))
 
-    return bootstrap(estimate, len(pairs[0][0]), comparisons)
+    return bootstrap(estimate, len(pairs[0][0]))
 
 
 def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
-    """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`."""
+    """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`; else
+    undecided: these robots do not settle it.
+    """
     if same[0] <= interval.low and interval.high <= same[1]:
         return "the same"
     return "fewer" if interval.high < equal else "more" if interval.low > equal else "undecided"
 
 
-def tells(error: float, comparisons: int = 1) -> float:
-    """The ratio that a study tells from 1, in 80 of 100 such studies, by the standard error of its logarithm."""
-    return float(np.exp((normal(1 - 0.025 / comparisons) + normal(0.8)) * error))
+def detectable(error: float, comparisons: int = 1) -> float:
+    """The smallest difference that intervals leave out in 80 of 100 studies, by its standard error."""
+    return (normal(1 - 0.025 / comparisons) + normal(0.8)) * error
 
 
 def smallest_ratio(ours: Array, theirs: Array, robots: int, comparisons: int = 1) -> float:
-    """The ratio of means that so many robots tell from 1, by how other robots differ.
+    """The smallest ratio of means that so many robots would detect, by how other robots differ.
 
     ours, theirs: steps of those others, one per robot, seeds in order. comparisons: as in `bootstrap`.
     """
-    return tells(np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots), comparisons)
+    error = np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots)  # of the ratio's logarithm
+    return float(np.exp(detectable(error, comparisons)))

@@ -4,14 +4,14 @@
 """
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from homing_lib.errors import UserError
+from homing_lib.errors import UserError, shown
 from homing_lib.study import findings
 
 _Text = Annotated[str, Field(min_length=1)]
@@ -41,25 +41,28 @@ class Erratum:
 
 def read(file: Path) -> tuple[Erratum, ...]:
     """The errata of such a file. Raises UserError, in one line, if it is not there or not right."""
-    where = ""
     try:
-        errata = []
-        for name, entry in tomllib.loads(file.read_text(encoding="utf-8")).items():
-            where = f"{name}: "
-            errata.append(Erratum(name=name, **entry))
+        entries = tomllib.loads(file.read_text(encoding="utf-8"))
+        named = {name: {**entry, "name": name} for name, entry in entries.items()}
+        return tuple(TypeAdapter(dict[str, Erratum]).validate_python(named).values())
     except ValidationError as error:
         first = error.errors()[0]
-        raise _damaged(file, f"{where}{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
     except (OSError, ValueError, TypeError) as error:
-        raise _damaged(file, f"{where}{error}") from None
-    return tuple(errata)
-
-
-def _damaged(file: Path, told: str) -> UserError:
-    return UserError(f"{file}: {' '.join(told.split())[:300]}; mend it, or restore it with git")
+        problem = " ".join(str(error).split())[:300]
+    raise UserError(f"{file}: {problem}; mend it, or restore it with git")
 
 
 ERRATA = read(Path(__file__).with_suffix(".toml"))
+
+
+def chosen(names: Sequence[str] = ()) -> tuple[Erratum, ...]:
+    """Errata by their names, by default all. Raises UserError for a name that there is not."""
+    every = {one.name: one for one in ERRATA}
+    for name in names:
+        if name not in every:
+            raise UserError(f"{shown(name)}: no such erratum; there are E1 to E{len(every)}")
+    return tuple(every[name] for name in names or every)
 
 
 def effect(erratum: Erratum) -> str:

@@ -2,25 +2,27 @@
 
 A judge takes the tables of its studies and returns a verdict, in a word that its predicate names, and the comparisons
 that it rests on. `make data` judges and stores (`data/findings.json`); all others read that. A new question is a new
-file in `questions/`.
+file in `questions/`, which says itself where it stands among the others.
 """
 
 import hashlib
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
 from homing_lib.study import bootstrap, choosing, measures, studies
-from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, Word, mean, word_of
+from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 from homing_lib.study.studies import load_questions
 
@@ -34,8 +36,9 @@ those of late steps of interquartile means, which tell of the typical robot. A r
 in its last five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of
 9,999 bootstrap samples, in which a seed brings all that it has done; of k comparisons that are judged together each is
 that of 1 - .05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else
-*fewer* or *more*, if it leaves out 1; else *undecided*. A star marks what is judged together; it *tells* so
-small a ratio from 1 in 80 of 100 such studies."""
+*fewer* or *more*, if it leaves out 1 (of shares: 0); else *undecided*: these robots do not settle it. A star marks what
+is judged together. Beside what is undecided stands what it could have found, a ratio or a difference just large enough
+that 80 of 100 such studies would not be undecided."""
 
 
 class Comparison(NamedTuple):
@@ -57,10 +60,16 @@ class Comparison(NamedTuple):
         return Interval(self.value, self.low, self.high)
 
     @property
-    def smallest_ratio(self) -> float:
-        """Of a judged ratio: what such an interval tells from 1, in 80 of 100 studies."""
+    def detectable(self) -> tuple[str, float]:
+        """Where it is undecided: the smallest "ratio" or "difference" that such an interval leaves out in 80 of 100
+        studies.
+        """
+        is_ratio = 0 < self.low < 1 < self.high  # else a difference, from 0 or from another limit
+        low, high = np.log((self.low, self.high)) if is_ratio else (self.low, self.high)
         together = max(self.judged, 1)
-        return bootstrap.tells(np.log(self.high / self.low) / 2 / bootstrap.normal(1 - 0.025 / together), together)
+        error = (high - low) / 2 / bootstrap.normal(1 - 0.025 / together)
+        least = bootstrap.detectable(error, together)
+        return ("ratio", float(np.exp(least))) if is_ratio else ("difference", float(least))
 
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
@@ -69,7 +78,9 @@ class Comparison(NamedTuple):
 # What a judge makes of the robots. comparisons: how many are judged together, this one among them; 0: it stands beside.
 
 
-def compare_steps(ours: Array, theirs: Array, statistic: Statistic = mean, *, comparisons: int = 0) -> Comparison:
+def compare_steps(
+    ours: ArrayLike, theirs: ArrayLike, statistic: Statistic = mean, *, comparisons: int = 0
+) -> Comparison:
     """Steps as a multiple of others', one number per robot, the same seeds in order: fewer, more, or the same."""
     interval = bootstrap.ratio(ours, theirs, statistic, max(comparisons, 1))
     return Comparison(*interval, word_of(interval), comparisons)
@@ -81,22 +92,22 @@ def compare_to_first(numbers: Mapping[str, Array], statistic: Statistic = mean) 
     return {label: compare_steps(ours, first, statistic) for label, ours in others}
 
 
-def compare_shares(ours: Array, theirs: Array, *, comparisons: int = 0) -> Comparison:
+def compare_shares(ours: ArrayLike, theirs: ArrayLike, *, comparisons: int = 0) -> Comparison:
     """By how much one share exceeds another; each robot's own, or whether it is so."""
     difference = np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float)
     interval = bootstrap.estimated(difference, comparisons=max(comparisons, 1))
     return Comparison(*interval, word_of(interval, (-SAME_SHARE, SAME_SHARE), 0.0), comparisons)
 
 
-def compare_to_limit(values: Array, limit: float, *, comparisons: int = 1) -> Comparison:
+def compare_to_limit(values: ArrayLike, limit: float, *, comparisons: int = 1) -> Comparison:
     """The mean of numbers, one per robot, and on which side of a limit it lies."""
-    interval = bootstrap.estimated(np.asarray(values, dtype=float), comparisons=comparisons)
+    interval = bootstrap.estimated(values, comparisons=comparisons)
     return Comparison(*interval, side_of(interval, limit), comparisons)
 
 
-def estimate(values: Array) -> Comparison:
+def estimate(values: ArrayLike) -> Comparison:
     """The mean of numbers, one per robot, without a word."""
-    return Comparison(*bootstrap.estimated(np.asarray(values, dtype=float)))
+    return Comparison(*bootstrap.estimated(values))
 
 
 def exact(value: float) -> Comparison:
@@ -104,9 +115,9 @@ def exact(value: float) -> Comparison:
     return Comparison(value, value, value)
 
 
-def side_of(interval: Interval | Comparison, limit: float) -> str:
-    """Whether a number lies, with its whole interval, "above" or "below" a limit; else "undecided"."""
-    return "above" if interval.low > limit else "below" if interval.high < limit else "undecided"
+def side_of(interval: Interval | Comparison, limit: float, above: str = "above", below: str = "below") -> str:
+    """On which side of a limit a number lies with its whole interval, in these words; else "undecided"."""
+    return above if interval.low > limit else below if interval.high < limit else "undecided"
 
 
 OF_A_CLAIM = ("supported", "contradicted", "inconclusive")
@@ -138,6 +149,7 @@ class Question(NamedTuple):
     text: str
     predicate: str
     studies: tuple[Any, ...]  # `Study`, or what makes one once its choices are known
+    order: float
     judge: Callable[..., Judged]
 
     @property
@@ -156,35 +168,30 @@ def _made(study: Any) -> Study:
     return study if isinstance(study, Study) else study()
 
 
-_QUESTIONS: dict[str, Question] = {}
+REGISTERED: dict[str, Question] = {}  # what `question` made, by name
 
 
-def question(name: str, text: str, predicate: str, *studies: Any) -> Callable[[Callable[..., Judged]], Any]:
-    """Stands above a judge. name: a word, or "C1", ... for a claim of the paper; predicate: what decides, and how."""
+def question(name: str, text: str, predicate: str, *studies: Any, order: float = math.inf) -> Callable[..., Any]:
+    """Stands above a judge. name: a word, or "C1", ... for a claim of the paper; predicate: what decides, and how.
+
+    order: its place among the questions, as in the article; without one it comes after them, by name. Claims come last,
+    by number.
+    """
 
     def register(judge: Callable[..., Judged]) -> Callable[..., Judged]:
-        if name in _QUESTIONS and _QUESTIONS[name].judge.__module__ != judge.__module__:
-            raise ValueError(f"{name} is judged already, in {_QUESTIONS[name].judge.__module__}")
-        _QUESTIONS[name] = Question(name, text, " ".join(predicate.split()), studies, judge)
+        if name in REGISTERED and REGISTERED[name].judge.__module__ != judge.__module__:
+            raise ValueError(f"{name} is judged already, in {REGISTERED[name].judge.__module__}")
+        REGISTERED[name] = Question(name, text, " ".join(predicate.split()), studies, order, judge)
         return judge
 
     return register
 
 
 def questions() -> dict[str, Question]:
-    """All questions, in the order of the article, then the claims by number, in whichever file they stand."""
+    """All questions, then the claims, in whichever file they stand."""
     load_questions()
-    return {name: one for name, one in sorted(_QUESTIONS.items(), key=lambda item: _place(item[1]))}
-
-
-ORDER = ("printed", "learns", "home", "drives", "conjugate", "varying", "rooms", "worth")
-"""Of the sections of the article; what is not in it comes after, by name."""
-
-
-def _place(one: Question) -> tuple[bool, int, str]:
-    if one.is_claim:
-        return True, int(one.name[1:]), ""
-    return False, ORDER.index(one.name) if one.name in ORDER else len(ORDER), one.name
+    in_order = sorted(REGISTERED.values(), key=lambda one: (one.is_claim, one.order, len(one.name), one.name))
+    return {one.name: one for one in in_order}
 
 
 @dataclass(frozen=True)
@@ -207,9 +214,7 @@ class Finding:
         return self.comparisons[name]
 
     def __str__(self) -> str:
-        asked = self.question
-        rows = [f"**{asked.text}** **{self.verdict}**", "", f"> *Predicate*: {asked.predicate}"]
-        return "\n".join(rows)
+        return f"**{self.question.text}** **{self.verdict}**\n\n> *Predicate*: {self.question.predicate}"
 
 
 def table(which: Iterable[str]) -> str:
@@ -219,15 +224,17 @@ def table(which: Iterable[str]) -> str:
 
 
 def as_text(found: Finding) -> str:
-    """A finding as plain text: verdict, predicate, and every comparison with its word; those that are
-    judged together are starred."""
-    asked, rows = found.question, []
+    """A finding as plain text: verdict, predicate, and every comparison with its word; those that are judged together
+    are starred, and those of them that are undecided say what they could have found.
+    """
+    rows = [f"{found.name}: {found.question.text} {found.verdict}", f"  Predicate: {found.question.predicate}"]
     for name, one in found.comparisons.items():
         digits = ".0f" if abs(one.value) >= 20 else ".2f"
-        is_ratio = one.verdict in get_args(Word) and one.low > 0
-        tells = f", tells {one.smallest_ratio:.2f}" if one.judged and is_ratio else ""
-        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.verdict}{tells}".rstrip())
-    return "\n".join([f"{found.name}: {asked.text} {found.verdict}", f"  Predicate: {asked.predicate}", *rows])
+        rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.verdict}".rstrip())
+        if one.judged and one.verdict == "undecided":
+            kind, least = one.detectable
+            rows[-1] += f" (could have found a {kind} of {least:{digits}})"
+    return "\n".join(rows)
 
 
 def judge(name: str) -> Finding:
@@ -270,10 +277,7 @@ def judge_all(progress: Callable[[Iterable[str]], Iterable[str]] = iter) -> None
 
 def _entry(judged: Finding, made_from: str) -> dict[str, Any]:
     """What is stored of a finding: its numbers to six digits."""
-    numbers = {
-        key: [*(float(f"{end:.6g}") for end in one.interval), one.verdict, one.judged]
-        for key, one in judged.comparisons.items()
-    }
+    numbers = {key: [*(float(f"{end:.6g}") for end in one[:3]), *one[3:]] for key, one in judged.comparisons.items()}
     entry = {"verdict": judged.verdict, "made from": made_from, "comparisons": numbers}
     return entry | {"checksum": _checksum(entry)}
 
@@ -317,12 +321,13 @@ def stored() -> dict[str, Finding]:
 
 
 def finding(name: str) -> Finding:
-    """What was found about a question or claim, by its name. Raises UserError for a name that there is not."""
-    if name not in stored():
-        raise UserError(
-            f"{shown(name)}: no such question or claim; there are {', '.join(stored())}{nearest(name, stored())}"
-        )
-    return stored()[name]
+    """What was found about a question or claim. Raises UserError for a name that there is not, or is not judged."""
+    found = stored()
+    if name in found:
+        return found[name]
+    if name in questions():
+        raise UserError(f"{name}: not judged yet; `make data` judges")
+    raise UserError(f"{shown(name)}: no such question or claim; there are {', '.join(found)}{nearest(name, found)}")
 
 
 def verdicts() -> dict[str, str]:

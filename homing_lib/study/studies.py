@@ -97,12 +97,6 @@ def column(table: Any, name: str, **values: Any) -> Array:
     return np.asarray(rows(table, **values)[name].to_numpy(float))
 
 
-def of_kind(table: Any, kind: int, **values: Any) -> Any:
-    """Of a table of trials, those of a kind, one row per robot. A run that diverged has none, and here no numbers."""
-    here = rows(table, **values)
-    return here[here.kind == kind].set_index("seed").reindex(np.sort(here.seed.unique()))
-
-
 # --- The headline, the lattices, and who does not learn --------------------------------------------------------------
 
 _CAMERA = Settings()

@@ -25,8 +25,8 @@ RACE_SIZES = (0.02, *STEP_SIZES)  # for a race, in which a rule that keeps the w
 VALUES = np.arange(-9, 10) / 10
 _PHI = np.eye(20, 19)
 
-LOST = 1e6
-"""In a race, an error that is greater counts as this one: the weights are lost."""
+ERROR_CAP = 1e6
+"""In a race a greater error, as of weights that diverged, counts as this."""
 
 
 def walks(seed: int) -> list[list[int]]:
@@ -116,7 +116,7 @@ def race(
 
     def errors(label: str, seeds: Sequence[int], sizes: Sequence[float]) -> Array:
         by_walk = [[learning(rules[label], seed, size).mean() for size in sizes] for seed in seeds]
-        return np.minimum(by_walk, LOST)
+        return np.minimum(by_walk, ERROR_CAP)
 
     tried = {label: errors(label, choose, step_sizes) for label in rules}
     best = {label: step_sizes[int(by_walk.mean(axis=0).argmin())] for label, by_walk in tried.items()}

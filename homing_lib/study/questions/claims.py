@@ -76,10 +76,9 @@ EARLIER = study(
     varying.in_paper,
 )
 def conjugate_lambda(table: Any) -> Judged:
-    """Three numbers."""
     ours, fixed = (varying.robots_of(who, "paper", "taken", table, None) for who in ("form2", "best"))
     found = {
-        name: compare_steps(ours[name].to_numpy(float), fixed[name].to_numpy(float), statistic, comparisons=3)
+        name: compare_steps(ours[name], fixed[name], statistic, comparisons=3)
         for name, statistic in (("late", iqm), ("total", mean), ("change", mean))
     }
     return verdict_of((one.verdict for one in found.values()), ["the same", "fewer"], ["more"]), found
@@ -96,7 +95,6 @@ def conjugate_lambda(table: Any) -> Judged:
     learns.SHORTEST,
 )
 def less_and_less_exploration(atlas: Any, shortest: Any) -> Judged:
-    """Settled, and where."""
     taken = episodes_of(atlas, "form 2")
     last, before = taken[:, 80:].mean(axis=1), taken[:, 60:80].mean(axis=1)
     least = np.full_like(last, column(shortest, "steps", room="paper").mean())
@@ -117,7 +115,6 @@ def less_and_less_exploration(atlas: Any, shortest: Any) -> Judged:
     CHANGES,
 )
 def exponential_change(table: Any) -> Judged:
-    """Three falls and a shape."""
     change, taken = episodes_of(table, "form 2", "change"), episodes_of(table, "form 2")
     rates = _ATLAS.alpha0 * _ATLAS.step_size_rates
     falls = {"episode": change, "step": change / taken, "step, by the step size": change / taken / rates}
@@ -126,7 +123,7 @@ def exponential_change(table: Any) -> Judged:
         for name, one in falls.items()
     }
     straighter = straightness(change, _ATLAS.first_episode)
-    shape = {"above": "exponential", "below": "hyperbolic"}.get(side_of(straighter, 0.0), "undecided")
+    shape = side_of(straighter, 0.0, "exponential", "hyperbolic")
     found["straighter"] = Comparison(*straighter, shape, 4)
     words = (one.verdict for one in found.values())
     return verdict_of(words, ["fewer", "exponential"], ["the same", "more", "hyperbolic"]), found
@@ -173,7 +170,6 @@ def _if_more(words: Iterable[str]) -> str:
     PARTS,
 )
 def wall_penalty(table: Any) -> Judged:
-    """Two parts."""
     found = {name: _of_ours(table, "at_wall", name, 2) for name in ("no learning at walls", "no wall penalty")}
     return _if_more(one.verdict for one in found.values()), found
 
@@ -186,7 +182,6 @@ def wall_penalty(table: Any) -> Judged:
     PARTS,
 )
 def one_snapshot(table: Any) -> Judged:
-    """Three at either step size."""
     names = ("three snapshots", "three snapshots, a third of the step")
     found = {name: _of_ours(table, "total", name) for name in names}
     best = min(found.values(), key=lambda one: one.value)
@@ -201,7 +196,6 @@ def one_snapshot(table: Any) -> Judged:
     PARTS,
 )
 def falling_cost(table: Any) -> Judged:
-    """Against a constant one."""
     found = {name: _of_ours(table, "total", name, k) for name, k in (("constant cost", 1), ("no approach reward", 0))}
     return _if_more([found["constant cost"].verdict]), found
 
@@ -216,7 +210,6 @@ def falling_cost(table: Any) -> Judged:
     EARLIER,
 )
 def tens_of_episodes(table: Any) -> Judged:
-    """Three models."""
     found = {}
     for name in EARLIER.conditions:
         good = learns.first_good(episodes_of(table, name))

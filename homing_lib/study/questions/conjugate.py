@@ -102,9 +102,9 @@ DIRECTIONS = study(
     "in part", if between; else "undecided". Beside it: what follows conjugate gradient since the last restart, and what
     becomes of lambda.""",
     DIRECTIONS,
+    order=5,
 )
 def conjugate(table: Any) -> Judged:
-    """Under both updates."""
     found: dict[str, Comparison] = {}
     for update in UPDATES:
         sums = rows(table, update=update).groupby("seed").sum(numeric_only=True)
@@ -125,7 +125,5 @@ def conjugate(table: Any) -> Judged:
     DIRECTIONS,
 )
 def equivalence(table: Any) -> Judged:
-    """Until the first reset."""
     every = rows(table, update="all")
-    holds = bool((every.until >= every.unclipped).all())
-    return "by construction" if holds else "contradicted", {}
+    return "by construction" if (every.until >= every.unclipped).all() else "contradicted", {}

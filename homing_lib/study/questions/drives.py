@@ -22,7 +22,7 @@ from homing_lib.study.measures import TRIAL_STEPS, rows_after
 from homing_lib.study.questions import varying
 from homing_lib.study.robots import driver
 from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, of_kind, study
+from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, rows, study
 from homing_lib.thresholds import stopping_thresholds
 
 AFTER = (5, 10, 20)
@@ -68,7 +68,6 @@ def tried(settings: Settings, seed: int) -> Columns:
                     robot.begin_episode(settings.episodes + 1)
                     each.append(run_episode(world, robot))
                 yield (kind, *summed_up(each))
-            agent.learner.weights[:] = saved
 
     return rows_after(settings, seed, names, trials_of)
 
@@ -113,7 +112,7 @@ PAPER = study(
 IN_ROOMS = study(
     "drives-rooms",
     "The same after ten episodes in five other rooms.",
-    labelled(after(JUDGED_AFTER, room=room) for room in ROOMS if room != "paper"),
+    labelled(after(JUDGED_AFTER, room=room) for room in ROOMS[1:]),
     ROOM_ROBOTS,
     tried,
 )
@@ -139,14 +138,12 @@ RULES = (varying.FORM_2, "fixed:0", "fixed:0.5", "fixed:0.9")
 
 
 def with_rule(update: str, rule: str) -> Settings:
-    short = after(JUDGED_AFTER)
-    changes = {"episodes": short.episodes, "first_episode_share": short.first_episode_share}
-    return varying.chosen("paper", update, rule).with_changes(**changes)
+    chosen = varying.chosen("paper", update, rule)
+    return after(JUDGED_AFTER, update=chosen.update, lambda_rule=rule, alpha0=chosen.alpha0)
 
 
 @later(varying.CHOICE.second)
 def other_rules() -> Study:
-    """Other rules of lambda."""
     return Study(
         "drives-rules",
         "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
@@ -168,11 +165,7 @@ START: dict[str, dict[str, Any]] = {
     "home masked but a bonus": {"bootstrap_terminal": False, "terminal_bonus": WORTH},
     "start value a tenth": {"theta0": 0.1},
     "start value 0": {"theta0": 0.0},
-    "start value 0 but a bonus": {
-        "theta0": 0.0,
-        "bootstrap_terminal": False,
-        "terminal_bonus": WORTH,
-    },
+    "start value 0 but a bonus": {"theta0": 0.0, "bootstrap_terminal": False, "terminal_bonus": WORTH},
 }
 """Reward, start value and what home is worth. With theta_0 = 1 the value of an action is at first n times the
 similarity of the view: potential-based shaping (Ng, Harada and Russell, ICML 1999; as a start value, Wiewiora, JAIR 19,
@@ -192,32 +185,36 @@ NEVER_HOME = {"steps": CAPS[-1], "median": CAPS[-1], "start_steps": CAPS[-1], "c
 
 
 def outcomes(table: Any, name: str, kind: str, kinds: Sequence[str] = KINDS, **values: Any) -> Array:
-    """A column of a table of trials: of a kind, in the rows with these values, one number per robot, seeds in order."""
-    column = of_kind(table, kinds.index(kind), **values)[name]
+    """A column of a table of trials: of a kind, in the rows with these values, one number per robot, seeds in order.
+    One that diverged never comes home.
+    """
+    here = rows(table, **values)
+    column = here[here.kind == kinds.index(kind)].set_index("seed").reindex(np.sort(here.seed.unique()))[name]
     return np.asarray(column.fillna(NEVER_HOME.get(name, 0)).to_numpy(float))
 
 
-PAIRS = {"restored.frozen": ("restored", "frozen"), "restored.forgetful": ("restored", "forgetful")}
+PAIRS = ("restored.frozen", "restored.forgetful")
 """Is the learning under way needed, and are the weights that were learnt?"""
 
 
 def compared(table: Any, name: str, comparisons: int = 0, **values: Any) -> dict[str, Comparison]:
     """Trials of each kind, their pairs at both caps, and the frozen robot beside random actions."""
-    kinds = [KINDS[int(kind)] for kind in sorted(table.kind.dropna().unique())]
+    here = rows(table, **values)
+    kinds = [KINDS[int(kind)] for kind in sorted(here.kind.dropna().unique())]
     found: dict[str, Comparison] = {}
     for cap, column in zip(CAPS, ("cut", "steps"), strict=True):
-        taken = {kind: outcomes(table, column, kind, **values) for kind in kinds}
-        for pair, (ours, theirs) in PAIRS.items():
+        taken = {kind: outcomes(here, column, kind) for kind in kinds}
+        for pair in PAIRS:
+            ours, theirs = pair.split(".")
             found[f"{name}.{pair}.{cap}"] = compare_steps(taken[ours], taken[theirs], comparisons=comparisons)
-    found[f"{name}.frozen.random.{cap}"] = compare_steps(taken["frozen"], taken["random"])
+    found[f"{name}.frozen.random.{CAPS[-1]}"] = compare_steps(taken["frozen"], taken["random"])
     for kind, steps in taken.items():
         found[f"{name}.{kind}.steps"] = estimate(steps)
-        found[f"{name}.{kind}.home"] = estimate(outcomes(table, "home", kind, **values))
+        found[f"{name}.{kind}.home"] = estimate(outcomes(here, "home", kind))
     return found
 
 
 COMPARISONS = len(ROOMS) * len(PAIRS) * len(CAPS)
-
 
 VERDICTS = {
     (True, True): "both together",
@@ -243,9 +240,9 @@ VERDICTS = {
     CAMERA,
     other_rules,
     BY_START,
+    order=4,
 )
 def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_start: Any) -> Judged:
-    """In six rooms, and from several sides."""
     found = compared(paper, "paper", COMPARISONS, episodes=JUDGED_AFTER)
     for room in ROOMS[1:]:
         found |= compared(others, room, COMPARISONS, room=room)
@@ -263,7 +260,7 @@ def drives(paper: Any, others: Any, slip: Any, camera: Any, by_rule: Any, by_sta
         found |= compared(by_start, name, like=wanted)
         found[f"{name}.of as is"] = compare_steps(outcomes(by_start, "steps", "restored", like=wanted), as_is)
     for kind in ("restored", "frozen", "greedy", "climb"):
-        its = of_kind(paper, KINDS.index(kind), episodes=JUDGED_AFTER)
+        its = rows(paper, kind=KINDS.index(kind), episodes=JUDGED_AFTER)
         found |= {f"why.{kind}.{habit}": estimate(its[habit].dropna()) for habit in HABITS}
     if any(len(everywhere) > 1 for everywhere in needed):
         return "it depends on the room", found

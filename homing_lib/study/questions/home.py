@@ -9,7 +9,7 @@ import pandas as pd
 
 from homing_lib.features import Array, HomeModel, bins_per_channel, histogram, similarity
 from homing_lib.robot import Robot, wrapped
-from homing_lib.rooms import Pose, room_named
+from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap
 from homing_lib.study.engine import run
@@ -71,7 +71,7 @@ def rules_of_stopping(settings: Settings, seed: int) -> Columns:
         three = survey(world, settings.with_changes(snapshots=3), home, rng)
         one = HomeModel(three.snapshots[:1], three.variance[:1])
         remembered = world.image(home)[:, :, :3].astype(np.float64) / 255
-        for kind, pose in _poses(world, settings, room.start, home, rng):
+        for kind, pose in _poses(world, settings, room, rng):
             image = world.image(pose)
             view = histogram(image, settings.bin_size)
             raw = -float(((image[:, :, :3] / 255 - remembered) ** 2).mean())
@@ -81,10 +81,8 @@ def rules_of_stopping(settings: Settings, seed: int) -> Columns:
     return dict(zip(("kind", "away_m", "turned_deg", *RULES), np.array(seen, dtype=float).T, strict=True))
 
 
-def _poses(
-    world: Any, settings: Settings, start: Pose, home: Pose, rng: np.random.Generator
-) -> Iterator[tuple[int, Pose]]:
-    room = room_named(settings.room)
+def _poses(world: Any, settings: Settings, room: Room, rng: np.random.Generator) -> Iterator[tuple[int, Pose]]:
+    home = room.home
     yield from ((ANYWHERE, free_pose(world, room, rng)) for _ in range(3000))
     for ahead in range(-5, 6):
         for aside in range(-5, 6):
@@ -93,7 +91,7 @@ def _poses(
             if world.clearance(x, y) >= 0:
                 yield from ((ABOUT_HOME, Pose(x, y, wrapped(home.heading + pi * k / 18))) for k in range(-6, 7))
     yield from ((AT_HOME, home._replace(heading=wrapped(home.heading + pi * k / 90))) for k in range(-45, 46))
-    robot = Robot(world, settings, start)
+    robot = Robot(world, settings, room.start)
     for _ in range(2000):
         robot.act(int(rng.integers(3)), rng)
         yield DRIVEN, robot.pose
@@ -152,9 +150,9 @@ def wider(views: Any, rule: str) -> Interval:
     of its heading. The verdict counts the rooms in which at least 95 % of a robot's stops are right, with the whole
     interval (k = 6): "in n of 6 rooms".""",
     STOPS,
+    order=3,
 )
 def home(table: Any) -> Judged:
-    """Room by room."""
     found: dict[str, Comparison] = {}
     for room in ROOMS:
         here = rows(table, room=room).dropna()
@@ -178,7 +176,6 @@ def home(table: Any) -> Judged:
     VIEWS,
 )
 def orientation(table: Any) -> Judged:
-    """In two rooms, against two rules."""
     found: dict[str, Comparison] = {}
     for room in VIEWED:
         views = rows(table, room=room)
@@ -186,8 +183,7 @@ def orientation(table: Any) -> Judged:
         found |= {f"{room}.{rule}.degrees": exact(width(views, rule, least[rule])) for rule in RULES}
         for rule in RULES[1:]:
             more = wider(views, rule)
-            word = {"above": "wider", "below": "narrower"}.get(side_of(more, 0.0), "undecided")
-            found[f"{room}.{rule}"] = Comparison(*more, word, 1)
+            found[f"{room}.{rule}"] = Comparison(*more, side_of(more, 0.0, "wider", "narrower"), 1)
     words = [{found[f"{room}.{rule}"].verdict for room in VIEWED} for rule in RULES[1:]]
     if all(word == {"wider"} for word in words):
         return "supported", found
@@ -206,7 +202,6 @@ def by_construction(holds: bool) -> str:
     "home".""",
 )
 def thresholds_of_home() -> Judged:
-    """Arithmetic."""
     upper, lower = stopping_thresholds(12)
     return by_construction((round(lower, 3), round(upper, 3)) == (0.904, 0.908)), {}
 
@@ -217,7 +212,6 @@ def thresholds_of_home() -> Judged:
     "By construction, if eq. (14) gives them; else contradicted.",
 )
 def number_of_features() -> Judged:
-    """Arithmetic."""
     return by_construction(Settings().n_features == 3 * bins_per_channel(3) == 258), {}
 
 
@@ -228,7 +222,6 @@ def number_of_features() -> Judged:
     contradicted. From the same threshold on it does not move less: that stands beside it.""",
 )
 def finer_threshold() -> Judged:
-    """Arithmetic."""
     upper, lower = stopping_thresholds(12)
     there = 1 / (pi * (1 - lower) ** 2)  # the first form's multiplier for the same threshold
     moves = {

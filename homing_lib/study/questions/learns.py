@@ -76,9 +76,9 @@ def first_and_last(table: Any) -> tuple[Array, Array]:
     CAMERA,
     UNLEARNT,
     SHORTEST,
+    order=2,
 )
 def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
-    """With the camera and on the atlas."""
     random, climb = (column(unlearnt, "late", room="paper", controller=who) for who in ("random", "climb"))
     found: dict[str, Comparison] = {}
     for name, table in (("atlas", atlas), ("camera", camera)):
@@ -108,7 +108,6 @@ def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     ATLAS,
 )
 def converges(atlas: Any) -> Judged:
-    """The paper's sense: little is left to learn."""
     taken = episodes_of(atlas, "form 2")
     late, much_later = (taken[:, end - WINDOW : end].mean(axis=1) for end in (EPISODES, 100))
     compared = compare_steps(late, much_later, iqm, comparisons=1)
@@ -125,7 +124,6 @@ def converges(atlas: Any) -> Judged:
     CAMERA,
 )
 def hidden_goal(atlas: Any, camera: Any) -> Judged:
-    """The start sees nothing of home."""
     settings = Settings()
     soon, soon_by_camera = (
         (episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES] <= TRIAL_STEPS).mean(axis=1)
@@ -158,7 +156,6 @@ def in_view(room: Room, field_of_view_deg: float) -> list[str]:
     ATLAS,
 )
 def around_the_ninth(atlas: Any) -> Judged:
-    """The first good episode."""
     first = first_good(episodes_of(atlas, "form 2")[:, :EPISODES])
     inside, outside = first.low >= 7 and first.high <= 11, first.high < 7 or first.low > 11
     verdict = "supported" if inside else "contradicted" if outside else "inconclusive"

@@ -92,9 +92,9 @@ LETTERS = ("the letter", "the letter, tau .03")
     does, and each time one of the two comparisons says the same or more; else undecided (k = 4). Every other row is
     judged by the same two comparisons, beside the verdict.""",
     PRINTED,
+    order=1,
 )
 def printed(table: Any) -> Judged:
-    """Row by row."""
     found: dict[str, Comparison] = {}
     ours = column(table, "total", condition=_OURS)
     for name, settings in PRINTED.conditions.items():

@@ -22,34 +22,28 @@ from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES
 from homing_lib.study.runs import Study
 from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, Later, column, labelled, later
 
-OTHERS = tuple(room for room in ROOMS if room != "paper")
-
-
-ROBOTS_IN = {room: range(10_000, 11_000) if room == "hall" else ROOM_ROBOTS for room in OTHERS}
-"""The hall has more, for its robots differ so much that five hundred would tell no ratio below 1.16."""
+ROBOTS_IN = {room: range(10_000, 11_000) if room == "hall" else ROOM_ROBOTS for room in ROOMS[1:]}
+"""The hall has more, for its robots differ so much that five hundred would detect no ratio below 1.16."""
 
 
 def _drive_in(room: str) -> tuple[Later, Later]:
     """The studies of a room: rules, and draws."""
-    rules = [
-        *((update, rule, chosen) for update in UPDATES for rule in varying.IN_ROOMS),
-        *((update, FORM_2, chosen_own) for update in UPDATES),
-    ]
-    told = f"Form 2, the gate and fixed lambdas in the {room}, each at its own best step size there."
-    drawn = f"Lambdas drawn from form 2's own in the {room}, at their best step sizes."
 
     def of_rules() -> Study:
-        driving = labelled(pick(room, update, rule) for update, rule, pick in rules)
-        return Study(f"rooms-{room}", told, driving, ROBOTS_IN[room], totals)
+        rules = [chosen(room, update, rule) for update in UPDATES for rule in varying.IN_ROOMS]
+        own_mean = [chosen_own(room, update, FORM_2) for update in UPDATES]
+        reason = f"Form 2, the gate and fixed lambdas in the {room}, each at its own best step size there."
+        return Study(f"rooms-{room}", reason, labelled(rules + own_mean), ROBOTS_IN[room], totals)
 
     def of_draws() -> Study:
-        driving = labelled(varying.DRAWS.best(varying.settings(room, update, FORM_2)) for update in UPDATES)
-        return Study(f"rooms-{room}-drawn", drawn, driving, ROBOTS_IN[room], varying.drawn)
+        draws = [varying.DRAWS.best(varying.settings(room, update, FORM_2)) for update in UPDATES]
+        reason = f"Lambdas drawn from form 2's own in the {room}, at their best step sizes."
+        return Study(f"rooms-{room}-drawn", reason, labelled(draws), ROBOTS_IN[room], varying.drawn)
 
     return Later([varying.OWN.second], of_rules), Later([varying.DRAWS.second], of_draws)
 
 
-STUDIES = {room: _drive_in(room) for room in OTHERS}
+STUDIES = {room: _drive_in(room) for room in ROBOTS_IN}
 
 
 # --- Calibrated for whom? ---------------------------------------------------------------------------------------------
@@ -123,7 +117,6 @@ def with_settings_of(room: str, whose: str, learner: str) -> Settings:
 
 @later(CALIBRATION.second)
 def for_each() -> Study:
-    """Everyone with what suits everyone."""
     return Study(
         "rooms-matrix",
         "Does it depend on whom the model was calibrated for? Each learner with what suits each.",
@@ -149,9 +142,9 @@ def for_each() -> Study:
     varying.in_paper,
     varying.in_paper_drawn,
     *(one for pair in STUDIES.values() for one in pair),
+    order=7,
 )
 def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any) -> Judged:
-    """In six rooms, and calibrated for four learners."""
     every = paper, paper_draws, *others
     tables = {room: every[2 * k : 2 * k + 2] for k, room in enumerate(ROOMS)}
     found: dict[str, Comparison] = {}
@@ -173,14 +166,11 @@ def rooms(unlearnt: Any, matrix: Any, paper: Any, paper_draws: Any, *others: Any
 
 def _pooled(update: str, who: str, tables: Mapping[str, tuple[Any, ...]]) -> Comparison:
     """Form 2's total steps as a multiple of another's, over the rooms that are unlike the paper's."""
-    pairs = [
-        tuple(
-            robots_of(one, room, update, *tables[room]).total.to_numpy(float)[: len(ROOM_ROBOTS)]
-            for one in ("form2", who)
-        )
-        for room in UNLIKE
-    ]
-    ratio = pooled(pairs)
+    ours, theirs = (
+        [robots_of(one, room, update, *tables[room]).total.to_numpy(float)[: len(ROOM_ROBOTS)] for room in UNLIKE]
+        for one in ("form2", who)
+    )
+    ratio = pooled(list(zip(ours, theirs, strict=True)))
     return Comparison(*ratio, word_of(ratio))
 
 

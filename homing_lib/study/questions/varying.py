@@ -129,7 +129,6 @@ def lambdas_met(now: Settings, seed: int) -> Columns:
 
 @later(CHOICE.second)
 def pool() -> Study:
-    """Form 2's lambdas at the step size that suits it."""
     return Study(
         "varying-pool",
         "Which lambdas has form 2, and how often? From these are drawn lambdas that know nothing of the step.",
@@ -140,13 +139,13 @@ def pool() -> Study:
 
 
 @cache
-def _pool_of(room: str, update: str) -> Any:
+def pool_of(room: str, update: str) -> Any:
     return rows(load_table(pool()), room=room, update=update)
 
 
 def drawn(now: Settings, seed: int) -> Columns:
     """`totals` of a run whose lambdas are drawn from the pool of its room and update, whatever the step."""
-    its_own = _pool_of(now.room, now.update)
+    its_own = pool_of(now.room, now.update)
     rule = ResampledLambda(its_own.met, its_own["count"], np.random.default_rng([seed, 4]))
     return totals_of(run(now, seed, lambda_rule=rule))
 
@@ -164,7 +163,6 @@ DRAWS = Choice(
 
 @later(OWN.second)
 def in_paper() -> Study:
-    """The paper's room."""
     return Study(
         "varying",
         "Form 2, the gates, the other forms and fixed lambdas in the paper's room, each at its own best step size.",
@@ -183,7 +181,6 @@ def in_paper() -> Study:
 
 @later(DRAWS.second)
 def in_paper_drawn() -> Study:
-    """The same with draws."""
     return Study(
         "varying-drawn",
         "Lambdas drawn from form 2's own in the paper's room, at their best step size.",
@@ -217,21 +214,15 @@ def lost(robots: Any, room: str, unlearnt: Any) -> Array:
     return np.asarray(((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float))
 
 
-def against(ours: Any, theirs: Any, room: str, unlearnt: Any, comparisons: int = 0) -> dict[str, Comparison]:
-    """Total steps, the same with episodes cut at 500, late steps of the typical robot, and who is lost."""
-    a, b = ({name: one[name].to_numpy(float) for name in ("total", "cut", "late")} for one in (ours, theirs))
-    return {
-        "total": compare_steps(a["total"], b["total"], comparisons=comparisons),
-        "cut": compare_steps(a["cut"], b["cut"]),
-        "late": compare_steps(a["late"], b["late"], iqm),
+def _of_form_2(room: str, update: str, who: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
+    """Form 2 against another: total steps, and with episodes cut; late steps of the typical robot; who is lost."""
+    ours, theirs = (robots_of(one, room, update, table, draws) for one in ("form2", who))
+    found = {
+        "total": compare_steps(ours.total, theirs.total, comparisons=COMPARISONS if who in OPPONENTS else 0),
+        "cut": compare_steps(ours.cut, theirs.cut),
+        "late": compare_steps(ours.late, theirs.late, iqm),
         "lost": compare_shares(lost(ours, room, unlearnt), lost(theirs, room, unlearnt)),
     }
-
-
-def _of_form_2(room: str, update: str, who: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
-    """Form 2 against another, by `against`."""
-    ours, theirs = (robots_of(one, room, update, table, draws) for one in ("form2", who))
-    found = against(ours, theirs, room, unlearnt, COMPARISONS if who in OPPONENTS else 0)
     return {f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}": one for endpoint, one in found.items()}
 
 
@@ -250,16 +241,16 @@ def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Compa
 
 
 def smallest(room: str, update: str, robots: int) -> float:
-    """The ratio of total steps that so many robots can tell from 1, said before they drive: by those of the choice."""
+    """The smallest ratio of total steps that so many robots would detect, said before they drive, by the choice."""
     ours, theirs = (
         CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
     )
     return smallest_ratio(ours, theirs, robots, COMPARISONS)
 
 
-def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> str:
+def helps(found: Mapping[str, Comparison], room: str) -> str:
     """Whether form 2 takes fewer total steps than fixed 0, the best fixed lambda and draws: yes, no or undecided."""
-    words = (found[f"{room}.{update}.{who}.total"].verdict for who in ("fixed0", "best", "draws"))
+    words = (found[f"{room}.taken.{who}.total"].verdict for who in ("fixed0", "best", "draws"))
     return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION)
 
 
@@ -273,14 +264,14 @@ def helps(found: Mapping[str, Comparison], room: str, update: str = "taken") -> 
     in_paper,
     in_paper_drawn,
     UNLEARNT,
+    order=6,
 )
 def varying(table: Any, draws: Any, unlearnt: Any) -> Judged:
-    """In the paper's room."""
     found = of_room("paper", table, draws, unlearnt)
     for update in UPDATES:
         for who in ("opposite", "form1", "form3"):
             found |= _of_form_2("paper", update, who, table, draws, unlearnt)
         for who in ("gate", "opposite", "form1", "form3"):
             its, mean = (robots_of(name, "paper", update, table, draws) for name in (who, f"mean of {who}"))
-            found[f"own.{update}.{who}.total"] = compare_steps(its.total.to_numpy(float), mean.total.to_numpy(float))
+            found[f"own.{update}.{who}.total"] = compare_steps(its.total, mean.total)
     return helps(found, "paper"), found

@@ -29,7 +29,6 @@ from homing_lib.study.findings import (
 )
 from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
 from homing_lib.study.questions import drives, rooms, varying
-from homing_lib.study.questions.drives import after
 from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, episode_matrix
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, ROOMS, UNLEARNT, column, labelled, study
@@ -49,7 +48,7 @@ def added_up(settings: Settings, seed: int) -> Columns:
 
 def _added_up(*rooms: str) -> dict[str, Settings]:
     return labelled(
-        after(EVERY[-1], room=room, controller=controller, start=start)
+        drives.after(EVERY[-1], room=room, controller=controller, start=start)
         for room in rooms
         for controller in ("sarsa", "climb")
         for start in ("room", "uniform")
@@ -100,7 +99,7 @@ def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kin
     start.
     """
     drawn = np.random.default_rng([seed, 4])
-    everywhere = [pose._replace(heading=drawn.uniform(-pi, pi)) for pose in starts_everywhere(env, headings=1)]
+    everywhere = [pose._replace(heading=drawn.uniform(-pi, pi)) for pose in starts_everywhere(env)]
     saved = agent.learner.weights.copy()
     now = settings.with_changes(max_steps=2000, start="room")
     with HomingEnv(now, observation="features", model=env.model) as world:
@@ -113,7 +112,6 @@ def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kin
                 robot.begin_episode(settings.episodes + 1)
                 path, home = run_episode(world, robot, {"start": start})
                 yield Trial(kind, start, len(path), home)
-    agent.learner.weights[:] = saved
 
 
 def placed(settings: Settings, seed: int) -> Columns:
@@ -160,10 +158,7 @@ PLACED = study(
     labelled(
         one
         for room in ROOMS
-        for one in (
-            Settings(images="atlas", room=room),
-            Settings(images="atlas", room=room, **_EXTENSION),
-        )
+        for one in (Settings(images="atlas", room=room), Settings(images="atlas", room=room, **_EXTENSION))
     ),
     ROBOTS[:80],
     placed,
@@ -183,7 +178,6 @@ LIGHTS = (0.97, 1.0, 1.03)
 """Brightness of the trials: as learnt, and changed so little that home still looks like home."""
 
 _KIDNAPPED_AT = 8
-_LIVING = ("restored", "frozen")
 
 
 def carried(settings: Settings, seed: int) -> Columns:
@@ -199,7 +193,7 @@ def carried(settings: Settings, seed: int) -> Columns:
         rng = np.random.default_rng([seed, 4])
         poses = [free_pose(env.world, env.room, rng) for _ in range(40)]
         saved = agent.learner.weights.copy()
-        for kind in _LIVING:
+        for kind in ("restored", "frozen"):
             for light, kidnapped in [*((light, False) for light in LIGHTS), (1.0, True)]:
                 robot = driver(kind, agent, settings, saved, np.random.default_rng([seed, 5]))
                 cap = TRIAL_STEPS + _KIDNAPPED_AT * kidnapped
@@ -244,9 +238,7 @@ COMPARISONS = len(ROOMS) * len(AT)
 
 
 def outcomes(table: Any, name: str, kind: str, room: str, episodes: int = 20) -> Array:
-    """A column of `placed` after so many episodes of training, one number per robot, of trials of a kind; one that
-    diverged never comes home.
-    """
+    """A column of `placed` after so many episodes of training, one number per robot, of trials of a kind."""
     return drives.outcomes(table, name, kind, KINDS, room=room, episodes=episodes)
 
 
@@ -263,9 +255,9 @@ def outcomes(table: Any, name: str, kind: str, room: str, episodes: int = 20) ->
     PLACED,
     UNLEARNT,
     *(rooms.STUDIES[room][0] for room in OWN_STEP_SIZE),
+    order=8,
 )
 def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) -> Judged:
-    """Room by room."""
     found: dict[str, Comparison] = {}
     for room in ROOMS:
         table = paper if room == "paper" else others
@@ -284,8 +276,8 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
                     found[f"{room}.{training}.{kind}.of climb.{name}"] = compare_steps(robots, climb)
     for room, table in zip(OWN_STEP_SIZE, own, strict=True):
         climb = column(unlearnt, "total", room=room, controller="climb")
-        learner = varying.robots_of("form2", room, "taken", table, None).total.to_numpy(float)
-        found[f"{room}.own step size.{AT[0]}"] = compare_steps(learner[: len(climb)], climb)
+        learner = varying.robots_of("form2", room, "taken", table, None).total.iloc[: len(climb)]
+        found[f"{room}.own step size.{AT[0]}"] = compare_steps(learner, climb)
     counts = [sum(found[f"{room}.room.{number}"].verdict == "fewer" for room in ROOMS) for number in AT]
     return f"within 20 episodes in {counts[0]} of {len(ROOMS)} rooms, within 60 in {counts[1]}", found
 
@@ -299,7 +291,6 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
     PLACED,
 )
 def from_almost_anywhere(everywhere: Any) -> Judged:
-    """Learning on, and frozen."""
     soon = {kind: outcomes(everywhere, "soon", kind, "paper") for kind in ("restored", "frozen", "climb", "random")}
     found = {f"{kind}.soon": estimate(shares) for kind, shares in soon.items()}
     found["restored.soon"] = compare_to_limit(soon["restored"], 0.95)
@@ -316,22 +307,20 @@ def from_almost_anywhere(everywhere: Any) -> Judged:
     CARRIED,
 )
 def kidnapped(table: Any) -> Judged:
-    """Learning on, and frozen."""
     found: dict[str, Comparison] = {}
     for learning, name in ((1, "restored"), (0, "frozen")):
-        of_robot = table[table.learning == learning]
         home = {
-            (round(float(light), 2), bool(taken)): one.sort_values("seed").home.to_numpy(float)
-            for (light, taken), one in of_robot.groupby(["bright", "kidnapped"])
+            "carried" if taken else f"light {light:g}": column(
+                table, "home", learning=learning, bright=light, kidnapped=taken
+            )
+            for light, taken in sorted([*product(LIGHTS, [False]), (1.0, True)])
         }
-        for (light, taken), shares in home.items():
-            found[f"{name}.{'carried' if taken else f'light {light:g}'}"] = estimate(shares)
+        found |= {f"{name}.{trials}": estimate(shares) for trials, shares in home.items()}
+        carried, begun = home.pop("carried"), home.pop("light 1")
         judged = int(name == "restored")
         if judged:
-            found["restored.carried"] = compare_to_limit(home[1.0, True], 0.95)
-        begun = home[1.0, False]
-        found[f"{name}.carried or begun"] = compare_shares(home[1.0, True], begun, comparisons=judged)
-        for light in (LIGHTS[0], LIGHTS[-1]):
-            found[f"{name}.light {light:g} or as learnt"] = compare_shares(home[light, False], begun)
+            found["restored.carried"] = compare_to_limit(carried, 0.95)
+        found[f"{name}.carried or begun"] = compare_shares(carried, begun, comparisons=judged)
+        found |= {f"{name}.{light} or as learnt": compare_shares(shares, begun) for light, shares in home.items()}
     words = found["restored.carried or begun"].verdict, found["restored.carried"].verdict
     return verdict_of(words, ["the same", "more", "above"], ["fewer", "below"]), found
