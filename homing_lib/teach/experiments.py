@@ -33,8 +33,8 @@ def two_ways_down() -> Figure:
     across, along = np.meshgrid(np.linspace(-1, 4.6, 90), np.linspace(-1.2, 1.5, 60))
     axes.contour(across, along, across**2 + 4 * along**2, levels=[0.3, 1, 3, 8, 20], colors="0.7", linewidths=0.8)
     for name, beta, steps, look, at in (
-        ("steepest descent", lambda *_: 0.0, 7, (ORANGE, (0, (4, 1.5))), (1.2, 0.5)),
-        ("conjugate gradient", theorem.beta, 2, (BLUE, "-"), (1.4, -0.6)),
+        ("steepest descent", lambda *_: 0.0, 7, (ORANGE, (0, (4, 1.5))), (1.2, 0.55)),
+        ("conjugate gradient", theorem.beta, 2, (BLUE, "-"), (0.2, -0.75)),
     ):
         way = downhill(beta, steps)
         axes.plot(*way.T, color=look[0], linestyle=look[1], marker="o", markersize=3)
