@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from IPython.core.formatters import MarkdownFormatter
+from IPython.core.formatters import MarkdownFormatter, PlainTextFormatter
 
 from homing_lib.teach import checks, lab
 
@@ -55,6 +55,7 @@ def test_an_answer_that_is_not_there_is_blank(answer):
 
 def test_in_a_notebook_the_verdict_is_marked_and_what_a_student_wrote_does_not_change_the_print():
     outcome = checks.Outcome("5a", "raised", "Line 2: TypeError: f(*, a, **_) takes `x * y` in [0, 1]")
+    assert PlainTextFormatter()(outcome) == f"5a: raised. {outcome.message}"
     shown = MarkdownFormatter()(outcome)
     assert shown == r"5a: **⚠ raised.** Line 2: TypeError: f(\*, a, \*\*\_) takes `x * y` in \[0, 1]"
 

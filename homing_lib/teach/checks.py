@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
     verdict: Verdict
     message: str
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return f"{self.title}: {self.verdict}. {self.message}"
 
     def _repr_markdown_(self) -> str:
