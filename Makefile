@@ -122,13 +122,14 @@ paper: .build/report ## the report, paper/report.pdf
 	@cp .build/paper/report.pdf paper/report.pdf
 	@cksum paper/report.pdf > $@
 
-lectures: $(SLIDES) $(SLIDES:.pdf=-notes.pdf) ## two lectures on slides and their notes, .build/lectures/*.pdf
+lectures: $(SLIDES) $(SLIDES:.pdf=-notes.pdf) ## two lectures on slides and their notes, paper/lectures/*.pdf
 .build/lectures/%.pdf .build/lectures/%-notes.pdf: paper/lectures/%.tex paper/lectures/preamble.tex .build/numbers \
   $(EXECUTED)
 	@paper/install-tex.sh lectures
 	@mkdir -p $(@D)
 	$(call typeset,$(@D)/$*,-outdir=../../$(@D))
 	$(call typeset,$(@D)/$*-notes,-outdir=../../$(@D) -jobname=$*-notes -usepretex='\def\withnotes{}')
+	@cp $(@D)/$*.pdf $(@D)/$*-notes.pdf paper/lectures
 
 # For browsers and for the class
 demo: .build/demo ## the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser

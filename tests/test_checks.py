@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from IPython.core.formatters import MarkdownFormatter, PlainTextFormatter
 
 from homing_lib.teach import checks, lab
 
@@ -15,7 +16,9 @@ def doubles(function):
     No more than that.
     """
     for x in np.random.default_rng(0).normal(size=5):
-        if not checks.alike(answer := function(x), 2 * x):
+        if checks.alike(answer := function(x), x + 2):
+            raise checks.Behind("By far.")
+        if not checks.alike(answer, 2 * x):
             raise checks.Wrong("You squared it." if checks.mistake_in(answer, {"square": x**2}) == "square" else "")
     return "Always." if function(1) == 2 else None
 
@@ -29,7 +32,9 @@ ANSWERS = {
     "proven. It doubles every number. Always.": lambda x: 2 * x,
     "wrong. You squared it.": lambda x: x * x,
     "wrong. This must hold: It doubles every number.": lambda x: -x,
+    "behind. By far.": lambda x: x + 2,
     "blank. Nothing is checked yet.": lambda x: ...,
+    "blank. Still to fill in: b, 0.8.": {"a": 1, "b": ..., 0.8: None},
     "wrong. Your function gave None: is a `return` missing, or a case not covered?": lambda x: None,
     "raised. Line 3: ZeroDivisionError: division by zero": eval("(\n\nlambda x: 1 / 0)"),
     "raised. TypeError: 'int' object is not callable": 2,
@@ -43,9 +48,16 @@ def test_each_answer_is_judged_in_one_line(line, capsys, monkeypatch):
     assert capsys.readouterr().out == f"1 twice: {line}\n"
 
 
-@pytest.mark.parametrize("answer", [None, ..., {"a": 1, "b": ...}, lambda x: ..., lambda x: {"a": ...}])
+@pytest.mark.parametrize("answer", [None, ..., {"a": None, "b": ...}, lambda x: {"a": ...}])
 def test_an_answer_that_is_not_there_is_blank(answer):
-    assert doubles.judge(answer).verdict == "blank"
+    assert doubles.judge(answer)[1:] == ("blank", "Nothing is checked yet.")
+
+
+def test_in_a_notebook_the_verdict_is_marked_and_what_a_student_wrote_does_not_change_the_print():
+    outcome = checks.Outcome("5a", "raised", "Line 2: TypeError: f(*, a, **_) takes `x * y` in [0, 1]")
+    assert PlainTextFormatter()(outcome) == f"5a: raised. {outcome.message}"
+    shown = MarkdownFormatter()(outcome)
+    assert shown == r"5a: **⚠ raised.** Line 2: TypeError: f(\*, a, \*\*\_) takes `x * y` in \[0, 1]"
 
 
 def test_a_function_that_forgets_a_case_hears_with_which_errors():

@@ -1,4 +1,4 @@
-"""Each exercise that is checked is blank, and its folded solution is proven; what is wrong is refused."""
+"""Each exercise that is checked is blank, and its folded solution is proven; what is wrong is refused. Cells repeat."""
 
 import ast
 import re
@@ -84,16 +84,16 @@ def test_every_check_is_asked_by_the_exercise_that_it_is_named_after():
 
 def left(shares, chance=True):
     robots, places = shares.mean(axis=1), shares.mean(axis=0)
-    noise = ((shares - robots[:, None] - places + shares.mean()) ** 2).sum() * chance
-    noise /= (len(robots) - 1) * (len(places) - 1)
+    residuals = shares - robots[:, None] - places + shares.mean()
+    noise = chance * (residuals**2).sum() / ((len(robots) - 1) * (len(places) - 1))
     return np.sqrt(np.maximum([robots.var(ddof=1) - noise / len(places), places.var(ddof=1) - noise / len(robots)], 0))
 
 
-def learn(sign=1, mask=True, own=False, learns=True):
+def learn(sign=1, mask=True, learns=True):
     """Exercise 8.1 with something the wrong way."""
 
     def learn(value, pay, masked):
-        value, phi = value if own else value.copy(), np.arange(6.0)
+        value, phi = value.copy(), np.arange(6.0)
         for here, there in [(0, 1), (1, 2), (2, 1), (1, 2), (2, 3), (3, 4), (4, 5)] * 200 * learns:
             end = there == 5 and masked
             paid = sign * ((0 if end and mask else phi[there]) - phi[here])
@@ -127,51 +127,35 @@ SPREAD = (
 )
 
 WRONG = [
-    (exercises.rearranged, "", lambda image: image),
-    (exercises.rearranged, "", lambda image: image[::2]),
-    (exercises.rearranged, "another colour", lambda image: 255 - image),
-    (exercises.both_empty, "", lambda one, other: np.mean((one == 0) | (other == 0))),
-    (exercises.both_empty, "", lambda one, other: np.mean(other == 0)),
-    (exercises.multipliers, "first: .*ψ = 0.911", {"first": 1 / np.pi**2 / 0.0025, "second": 1 / np.pi**2 / 0.0025}),
-    (exercises.multipliers, "second: .*greater", {"first": 1 / np.pi / 0.0025, "second": -1}),
-    (exercises.multipliers, "second is missing", {"first": 1 / np.pi / 0.0025}),
-    *[(exercises.farthest, "upper threshold", distance, *SPREAD) for distance in (4.0, 3.0, 1.5, 0.1)],
-    (exercises.late_steps, r"\] steps, of 8 planned and cut at 200", lambda run: run.lengths[-5:].mean()),
-    (exercises.late_steps, "", lambda run: np.r_[run.lengths, [200] * 8][4:8].mean()),
-    (exercises.share_in_band, "", lambda nrb, psi: np.mean((psi.lower <= nrb) & (nrb <= psi.upper))),
-    (exercises.share_in_band, "", lambda nrb, psi: np.mean((psi.lower < nrb) & (nrb < psi.upper))),
-    (exercises.share_in_band, "", lambda nrb, psi: np.sum((psi.lower <= nrb) & (nrb < psi.upper))),
-    (exercises.on_orthogonal_features, "γ = .*λ is", lambda delta, delta_prev, discount: delta / delta_prev),
-    (exercises.on_orthogonal_features, "", lambda delta, delta_prev, discount: -delta / delta_prev / discount),
-    (exercises.widest_spacing, "at the same node", lambda step: step),
-    (exercises.widest_spacing, "farther apart", lambda step: step / 2),
-    (exercises.widest_spacing, "", lambda step: 0.0),
-    *[(exercises.flattery, "mean of its ten", share) for share in (0.9, 35.9, 1 / 160, 1)],
-    (exercises.cost, "Step 2 adds -0.5", lambda steps: 1 / steps),
-    (exercises.cost, "Step 1 adds 2", lambda steps: 1 + sum(1 / t for t in range(1, steps + 1))),
-    (exercises.late_by_one, "", lagging(0)),
-    (exercises.late_by_one, "", lagging(2)),
-    (exercises.late_by_one, "each rule keeps its own", lagging(1, shared=True)),
-    (exercises.shaping, "not Φ apart", learn(sign=-1)),
-    (exercises.shaping, "masked: not Φ apart", learn(mask=False)),
-    (exercises.shaping, "begin with a copy", learn(own=True)),
-    (exercises.shaping, "do not change", learn(learns=False)),
-    *[(exercises.slowest, "slowest first", robots, LATE) for robots in (1, 2, 4)],
-    *[(exercises.slowest, "of the 43", robots, LATE) for robots in (43, -1, 2.5)],
-    (exercises.beyond_chance, "chance", lambda shares: left(shares, chance=False)),
-    (exercises.beyond_chance, "", lambda shares: left(shares)[::-1]),
-    (exercises.beyond_chance, "", lambda shares: left(shares) ** 2),
-    (exercises.beyond_chance, "two numbers", lambda shares: 0.5),
+    (exercises.rearranged, lambda image: image),
+    (exercises.rearranged, lambda image: 255 - image),
+    (exercises.both_empty, lambda one, other: np.mean((one == 0) | (other == 0))),
+    (exercises.both_empty, lambda one, other: np.mean(other == 0)),
+    (exercises.multipliers, {"first": 1 / np.pi**2 / 0.0025, "second": 1 / np.pi**2 / 0.0025}),
+    *[(exercises.farthest, distance, *SPREAD) for distance in (4.0, 3.0, 1.5, 0.1)],
+    (exercises.late_steps, lambda run: run.lengths[-5:].mean()),
+    (exercises.late_steps, lambda run: np.r_[run.lengths, [200] * 8][4:8].mean()),
+    (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower <= nrb) & (nrb <= psi.upper))),
+    (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower < nrb) & (nrb < psi.upper))),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: delta / delta_prev),
+    (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: -delta / delta_prev / discount),
+    *[(exercises.widest_spacing, lambda step, share=share: share * step) for share in (1, 0.5, 0)],
+    *[(exercises.flattery, share) for share in (0.9, 35.9)],
+    (exercises.cost, lambda steps: 1 / steps),
+    (exercises.cost, lambda steps: 1 + sum(1 / t for t in range(1, steps + 1))),
+    *[(exercises.late_by_one, rule) for rule in (lagging(0), lagging(2), lagging(1, shared=True))],
+    *[(exercises.shaping, learn(**wrong)) for wrong in ({"sign": -1}, {"mask": False}, {"learns": False})],
+    *[(exercises.slowest, robots, LATE) for robots in (0, 2, 4)],
+    (exercises.beyond_chance, lambda shares: left(shares, chance=False)),
+    (exercises.beyond_chance, lambda shares: left(shares)[::-1]),
 ]
-"""A check, what its hint must say, and answers that are wrong."""
+"""A check, and answers that are wrong."""
 
 
 @pytest.mark.parametrize("case", WRONG, ids=lambda case: case[0].title[:3])
-def test_what_is_wrong_is_refused_with_the_hint_that_is_worth_having(case):
-    check, hint, *answers = case
-    outcome = check.judge(*answers)
-    assert outcome.verdict == "wrong"
-    assert re.search(hint, outcome.message)
+def test_what_is_wrong_is_refused(case):
+    check, *answers = case
+    assert check.judge(*answers).verdict == "wrong"
 
 
 def test_the_candidate_is_judged_by_the_median_and_compared_with_the_mean():
@@ -182,7 +166,6 @@ def test_the_candidate_is_judged_by_the_median_and_compared_with_the_mean():
     assert verdict == "proven"
     assert ("also" in remark) == (best == each.mean().idxmin())
     assert exercises.by_median.judge(each.median().idxmax(), searched()).verdict == "wrong"
-    assert "condition" in exercises.by_median.judge("the third", searched()).message
 
 
 @pytest.mark.parametrize(
@@ -190,13 +173,21 @@ def test_the_candidate_is_judged_by_the_median_and_compared_with_the_mean():
     [
         (lambda *, delta, delta_prev, **_: 0.8 if delta * delta_prev >= 0 else 0.4, "proven", "fewer"),
         (lambda **_: 0.8, "proven", "1.00 [1.00, 1.00] of that of λ = 0.8: the same."),
-        (lambda *, delta, delta_prev, **_: 0.9 if delta * delta_prev > 0 else 0.0, "wrong", "its λ is 0."),
-        (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "wrong", "its λ is 0."),
-        (lambda **_: 2, "wrong", "its λ is 1."),
-        (lambda **_: 0.2, "wrong", "its λ is 0.2."),
+        (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "behind", "more"),
     ],
 )
-def test_a_rule_that_loses_hears_its_lambda_where_nothing_is_learnt_yet_and_a_tie_counts(rule, verdict, what):
+def test_a_rule_that_loses_is_behind_and_a_tie_counts(rule, verdict, what):
     outcome = exercises.as_good_as_a_constant.judge(rule)
     assert outcome.verdict == verdict
     assert what in outcome.message
+
+
+@pytest.mark.parametrize("notebook", sorted({notebook for notebook, _ in CHECKED}))
+def test_no_cell_draws_from_a_generator_of_another_which_would_give_other_numbers_when_it_is_run_again(notebook):
+    elsewhere = set()
+    for cell in cells(notebook).values():
+        nodes = [*ast.walk(ast.parse(cell.source))] if cell.cell_type == "code" else []
+        assigned = [node for node in nodes if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)]
+        made = {ast.unparse(node.targets[0]) for node in assigned if "default_rng" in ast.unparse(node.value.func)}
+        assert not (elsewhere - made) & {node.id for node in nodes if isinstance(node, ast.Name)}
+        elsewhere |= made

@@ -5,10 +5,13 @@ import sys
 from contextlib import suppress
 from functools import partial
 
+import nbformat
 import numpy as np
 import pytest
+from nbclient import NotebookClient
 
-from homing_lib.study import walk
+from homing_lib.publish import notebooks
+from homing_lib.study import theorem, walk
 from homing_lib.study.questions import drives
 from homing_lib.study.rules import Rules
 from homing_lib.teach import checks, experiments, handouts, lab
@@ -94,6 +97,12 @@ MISTAKES = {
     "from-beta.beta": [lambda beta, delta, delta_prev, gamma: beta],
     "from-beta.otherwise": [lambda beta, delta, delta_prev, gamma: -beta * delta_prev / (gamma * delta)],
     "form-1.array": [lambda *, phi, trace_prev, discount, **_: -phi * phi / (discount * trace_prev)],
+    "form-1.no-features": [form_1(change=lambda g, g_prev, step: step["delta"] - step["delta_prev"])],
+    "form-1.no-features, which cancels": [
+        lambda *, delta, phi, delta_prev, trace_prev, discount, **_: (
+            -(delta - delta_prev) * phi / (discount * (delta - delta_prev) * trace_prev)
+        )
+    ],
     "form-1.no-minus": [form_1(sign=1)],
     "form-1.no-gamma": [form_1(gamma=False)],
     "form-1.one-error": [form_1(change=lambda g, g_prev, step: g - step["delta"] * step["phi_prev"])],
@@ -150,7 +159,7 @@ def judged(mistake):
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_each_usual_mistake_gets_its_own_hint(mistake):
-    task, name = mistake.split(".")
+    task, name = mistake.partition(",")[0].split(".")
     verdict, message = judged(mistake)[1:]
     assert verdict == "wrong"
     texts = {hint: re.sub(r"\\\{.*?\\\}", ".+", re.escape(text)) for hint, text in lab.HINTS[task].items()}
@@ -159,7 +168,7 @@ def test_each_usual_mistake_gets_its_own_hint(mistake):
 
 def test_no_hint_is_without_a_mistake_that_gets_it():
     hints = {f"{task}.{name}" for task, texts in lab.HINTS.items() for name in texts if task != "race"}
-    assert hints == {*MISTAKES}
+    assert hints == {mistake.partition(",")[0] for mistake in MISTAKES}
 
 
 @pytest.mark.parametrize(
@@ -190,11 +199,12 @@ def test_without_the_minus_what_should_be_0_is_twice_what_the_hint_says():
     ("undefined", "mean", "reason"),
     [(0.21, 0, "undefined"), (0.2, 0.39, "forgets"), (0.2, 0.96, "never-forgets"), (0.2, 0.4, "otherwise")],
 )
-def test_a_rule_that_loses_the_race_hears_by_how_much_and_why(undefined, mean, reason, monkeypatch):
+def test_a_rule_that_loses_the_race_is_behind_and_hears_by_how_much_and_why(undefined, mean, reason, monkeypatch):
     errors = {"λ = 0.8": np.ones(3), "the rule": np.full(3, 2.0)}
     monkeypatch.setattr(walk, "race", lambda *_: walk.Race({}, dict.fromkeys(errors, 0.3), errors))
     monkeypatch.setattr(experiments, "lambdas_given", lambda rule, seeds, step_size: (undefined, mean))
-    message = lab.race.judge(lambda **_: 0.5).message
+    verdict, message = lab.race.judge(lambda **_: 0.5)[1:]
+    assert verdict == "behind"
     hint = lab.HINTS["race"][reason].format(undefined=undefined, mean=mean)
     assert re.fullmatch(rf".* 2\.00 \[2\.00, 2\.00\] .* α = 0\.3: worse\. {re.escape(hint)}", message)
 
@@ -214,6 +224,12 @@ def test_how_often_a_rule_has_no_lambda_is_counted_over_the_steps_of_all_walks(m
 # --- What is shown ---------------------------------------------------------------------------------------------------
 
 
+def test_conjugate_gradient_is_at_the_bottom_after_two_steps_and_steepest_descent_zigzags():
+    assert np.abs(experiments.downhill(theorem.beta, 2)[-1]).max() < 1e-12
+    across = experiments.downhill(lambda *_: 0.0, 6)[:, 1]
+    assert (across[1:] * across[:-1] < 0).all()
+
+
 def test_robots_are_tried_as_the_study_tries_them_and_the_table_has_their_means(monkeypatch):
     def trials(settings, seed):
         assert settings == drives.after(10, images="compact")
@@ -230,22 +246,30 @@ def test_robots_are_tried_as_the_study_tries_them_and_the_table_has_their_means(
         assert re.findall(r"(\d+) \[", line) == [f"{tried[kind].mean():.0f}" for kind in pair]
 
 
-def test_the_table_of_the_drivers_has_their_steps_and_no_verdicts():
+def test_the_table_of_the_drivers_has_their_steps_and_mine_as_a_multiple_of_them_and_no_verdicts():
     *_, mine, first, _, _, _ = experiments.without_verdicts(DRIVEN).splitlines()
-    assert mine == f"| my rule | {DRIVEN.steps['my rule'].sum(axis=1).mean():.0f} | 1 |"
-    assert first.startswith("| fixed 0 | ")
-    assert first.endswith(f" | {DRIVEN.verdicts['fixed 0']:.2f} |")
+    steps = {label: total.sum(axis=1).mean() for label, total in DRIVEN.steps.items()}
+    assert mine == f"| my rule | {steps['my rule']:.0f} |  |"
+    assert first.startswith(f"| fixed 0 | {steps['fixed 0']:.0f} | {steps['my rule'] / steps['fixed 0']:.2f} [0.")
 
 
-def test_the_recap_says_what_was_computed(capsys):
+def paragraphs(*computed):
+    """Of the recap, one for each task."""
+    parts = [part.split(" · ", 1) for part in experiments.recap(*computed).split("\n\n")]
+    assert [task for task, _ in parts] == [f"**{task}**" for task in range(1, 8)]
+    return [line for _, line in parts]
+
+
+def test_the_recap_says_what_was_computed():
     errors = {"λ = 0.8": 2, "λ = 0": 4, "form 2, guard 0": 5, "form 2, guard 0.8": 2, "form 2, guard 1": 8}
     raced = walk.Race({}, dict.fromkeys(errors, 0.1), {label: np.full(3, error) for label, error in errors.items()})
     mine, climb, seen = np.tile([80.0, 60, 40, 35], (2, 1)), np.full((2, 4), 50.0), experiments.twelve_steps(28)
-    experiments.recap(seen, raced, Rules({"my rule": mine, "the climb": climb}), TRIED | {"climb": climb})
+    lines = paragraphs(seen, raced, Rules({"my rule": mine, "the climb": climb}), TRIED | {"climb": climb})
     never = Rules({"my rule": mine + 20, "the climb": climb})
-    experiments.recap(seen._replace(first=0), raced, never, TRIED | {"climb": climb, "frozen": TRIED["restored"]})
-    *lines, _, _, not_parted, _, _, not_caught, policy = capsys.readouterr().out.splitlines()
-    assert [re.findall(r"-?\d[\d.]*\b(?!\])", line)[1:] for line in lines if line[0] in "1267"] == [
+    _, _, not_parted, _, _, not_caught, policy = paragraphs(
+        seen._replace(first=0), raced, never, TRIED | {"climb": climb, "frozen": TRIED["restored"]}
+    )
+    assert [re.findall(r"-?\d[\d.]*\b(?!\])", line) for line in (lines[at - 1] for at in (1, 2, 6, 7))] == [
         ["0.9", "0.8", "3"],
         ["1", "-1", "2"],
         ["50", "3", "40"],
@@ -261,6 +285,24 @@ def test_the_recap_says_what_was_computed(capsys):
 
 
 # --- The lab as a whole ----------------------------------------------------------------------------------------------
+
+
+def test_each_task_asks_in_the_students_own_words_what_the_guide_grades():
+    guide = re.findall(r"^\*In your own words:\* (.*(?:\n.+)*)", handouts.GUIDE.read_text(encoding="utf-8"), re.M)
+    asked = {cell.id: cell.source for cell in handouts.filled({}).cells if cell.id.startswith("words-")}
+    assert [*asked] == [f"words-{task}" for task in range(1, 8)]
+    for graded, cell in zip(guide, asked.values(), strict=True):
+        questions = re.sub(r" \([^)]*\)", "", graded.replace("\n", " "))
+        assert f"*{questions}*" in cell
+
+
+def test_in_a_notebook_progress_is_a_widget_and_no_error():
+    source = "from homing_lib.study import engine\nengine.side_by_side(lambda seed: seed, range(3), [])"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+    with notebooks.isolated():
+        (cell,) = NotebookClient(notebook, kernel_name="python3").execute().cells
+    assert "stderr" not in [output.get("name") for output in cell.outputs]
+    assert [output for output in cell.outputs if "application/vnd.jupyter.widget-view+json" in output.get("data", {})]
 
 
 @pytest.fixture
@@ -287,29 +329,23 @@ def run(monkeypatch, capsys):
 
 def test_with_the_solutions_the_lab_runs_to_its_last_cell_and_proves_everything(run):
     _, printed = run(handouts.solutions())
+    assert [*printed][-1] == "report"
     *outcomes, last = printed["report"]
     assert [re.match(r".*?: (\w+)\. ", line)[1] for line in outcomes] == ["proven"] * len(lab.TASKS)
     assert last.startswith("11 of 11")
-    assert [line[:4] for line in printed["recap"]] == [f"{task} · " for task in range(1, 8)]
 
 
-BROKEN = {"rule": "def my_rule(**step):\n    return 1 + step['delta_before']"}
-
-
-@pytest.mark.parametrize("answers", [{}, BROKEN], ids=["blank", "broken"])
-def test_left_blank_or_broken_the_lab_runs_to_its_last_cell_with_a_stand_in(answers, run):
-    names, printed = run(answers)
+def test_left_blank_with_a_broken_rule_the_lab_runs_to_its_last_cell_with_a_stand_in(run):
+    names, printed = run({"rule": "def my_rule(**step):\n    return 1 + step['delta_before']"})
     *outcomes, last = printed["report"]
-    raised = [line for line in outcomes if "blank" not in line]
-    assert raised == [
-        f"{task.title}: raised. Line 2: KeyError: 'delta_before'" for task in (lab.a_rule, lab.race) if answers
-    ]
+    raised = [f"{task.title}: raised. Line 2: KeyError: 'delta_before'" for task in (lab.a_rule, lab.race)]
+    assert [line for line in outcomes if "blank" not in line] == raised
     assert last.startswith("0 of 11")
     mine, *others = names["compared"].steps
     assert mine == "λ = 0.8, stand-in"
     assert others == [*DRIVEN.verdicts]
     assert [*names["words"]] == [*PARTS]
-    assert mine in printed["recap"][-2]
+    assert mine in paragraphs(*(names[name] for name in ("seen", "raced", "compared", "tried")))[5]
 
 
 def test_the_report_has_the_last_outcomes_and_none_that_was_given_before_the_rule_changed(capsys, monkeypatch):

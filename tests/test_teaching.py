@@ -60,20 +60,36 @@ def test_what_it_links_is_there(link):
     assert (ROOT / "notebooks" / link).exists()
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_the_demonstration_understands_every_state_that_it_is_opened_in(state):
+@pytest.fixture
+def page():
+    """What of the demonstration needs no browser."""
     mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
     engine = mini_racer.MiniRacer()
     data = {"settings": Settings(images="compact").model_dump(mode="json")}
     engine.eval(f"{ADDRESSES}\n{demo.scripts()}\nconst DATA = {json.dumps(data)};\n{demo.source('state.js')}")
-    assert engine.eval("readAddress('#nonsense=1&rule=magic')") != ""
-    assert engine.eval(f"readAddress({json.dumps('#' + state)})") == ""
-    assert engine.eval("readOwn()") == ""
+    yield engine.eval
+    engine.close()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_demonstration_understands_every_state_that_it_is_opened_in(state, page):
+    assert page("readAddress('#nonsense=1&rule=magic')") != ""
+    assert page(f"readAddress({json.dumps('#' + state)})") == ""
+    assert page("readOwn()") == ""
     wanted = dict(part.split("=") for part in state.split("&"))
-    assert {name: engine.eval(f"encodeURIComponent(state[{json.dumps(name)}])") for name in wanted} == {
+    assert {name: page(f"encodeURIComponent(state[{json.dumps(name)}])") for name in wanted} == {
         name: value.replace(":", "%3A") for name, value in wanted.items()
     }
-    engine.close()
+
+
+def test_with_each_guard_the_first_step_that_is_paid_changes_as_many_states_as_the_page_says(page):
+    said = re.findall(r"(\d+) (?:state )?with \[guard [\d.]+\]\(executed/demo\.html(#\S+&at=(\d+))\)", TEACHING)
+    assert len(said) == 3
+    for states, address, step in said:
+        page(f"readAddress({json.dumps(address)})")
+        page("walk = new Walk(lambdaSpec(chosen()), state.alpha, state.seed); walk.finish(1)")
+        assert page("walk.steps.findIndex((step) => step.reward) + 1") == int(step)
+        assert page("walk.steps.at(-1).trace.filter((value) => value > 0.01).length") == int(states)
 
 
 def test_the_set_up_check_is_one_command_that_ends_with_how_often_the_robot_found_home(capsys):
@@ -83,7 +99,7 @@ def test_the_set_up_check_is_one_command_that_ends_with_how_often_the_robot_foun
 
 
 def test_no_finding_is_typed():
-    """Decimals are settings of the demonstration, percentages and intervals would be findings."""
+    """Decimals are settings of the demonstration or versions, percentages and intervals would be findings."""
     words = re.sub(r"\]\([^)]*\)", "]", TEACHING)
-    assert set(re.findall(r"\d+\.\d+", words)) <= {"0.9", "0.8", "0.7"}
+    assert set(re.findall(r"\d+\.\d+", words)) <= {"0.9", "0.8", "0.7", "0.01", "3.12", "3.13"}
     assert not re.search(r"\d ?%|\[\d+\.\d", words)

@@ -2,22 +2,25 @@
 
 A check is a function under `@check("its title")`. The first paragraph of its docstring is the property that it proves;
 it takes the student's answers (numbers, arrays, functions), returns nothing, or a remark, if the property holds, and
-else raises `Wrong`. Called in a notebook, it prints one line:
+else raises `Wrong`. Called in a notebook, it shows one paragraph:
 
     proven    the property holds
-    blank     an answer is None or ..., or a function that returns ..., or has such a value
-    wrong     it does not hold, with a hint, or with the property
+    blank     an answer, or a part of it, is still None or ...
+    wrong     the property does not hold, with a hint, or with the property
+    behind    a rule lost a race, with the result
     raised    the student's code raised, with the line of its cell and what
 
 Nothing that a student writes stops the notebook. The checks themselves: `lab`, `exercises`.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper, wraps
 from traceback import walk_tb
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from IPython.display import display
 from numpy.typing import ArrayLike
 
 SEED = 2014  # of every random trial
@@ -27,26 +30,40 @@ class Wrong(Exception):
     """The property does not hold. Its text is the hint, if there is one."""
 
 
+class Behind(Exception):
+    """A rule lost a race, which is a result and no mistake. Its text is the result."""
+
+
 class Blank(Exception):
-    """There is no answer yet."""
+    """There is no answer yet. Its text says what is missing, if a part is there."""
+
+
+Verdict = Literal["proven", "blank", "wrong", "behind", "raised"]
+MARKS: dict[Verdict, str] = {"proven": "✓", "blank": "○", "wrong": "✗", "behind": "▽", "raised": "⚠"}
 
 
 class Outcome(NamedTuple):
-    """What a check says. message: the property if proven, else the hint or what was raised."""
+    """What a check says. message: the property if proven, else the hint, the result, or what was raised."""
 
     title: str
-    verdict: Literal["proven", "blank", "wrong", "raised"]
+    verdict: Verdict
     message: str
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return f"{self.title}: {self.verdict}. {self.message}"
+
+    def _repr_markdown_(self) -> str:
+        """For notebooks, which break what is printed in mid-word, and Markdown between words."""
+        words = re.split("(`[^`]*`)", self.message)
+        words[::2] = [re.sub(r"([\\*_<$\[])", r"\\\1", part) for part in words[::2]]
+        return f"{self.title}: **{MARKS[self.verdict]} {self.verdict}.** {''.join(words)}"
 
 
 RECORD: dict[str, Outcome] = {}  # the last outcome of each check by its title, the latest at the end
 
 
 class Check:
-    """A check with its title. Calling it prints and records what `judge` says."""
+    """A check with its title. Calling it shows and records what `judge` says."""
 
     def __init__(self, title: str, function: Callable[..., str | None]) -> None:
         update_wrapper(self, function)
@@ -61,10 +78,12 @@ class Check:
         """The outcome for these answers. Raises nothing, whatever they are."""
         try:
             remark = self._function(*map(_guarded, answers))
-        except Blank:
-            return Outcome(self.title, "blank", "Nothing is checked yet.")
+        except Blank as missing:
+            return Outcome(self.title, "blank", str(missing) or "Nothing is checked yet.")
         except Wrong as hint:
             return Outcome(self.title, "wrong", str(hint) or f"This must hold: {self.proves}")
+        except Behind as result:
+            return Outcome(self.title, "behind", str(result))
         except Exception as error:  # whatever a student may write
             what = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             return Outcome(self.title, "raised", f"{_place(error)}{what}")
@@ -74,7 +93,7 @@ class Check:
         outcome = self.judge(*answers)
         RECORD.pop(self.title, None)
         RECORD[self.title] = outcome
-        print(outcome)
+        display(outcome)  # type: ignore[no-untyped-call]
 
 
 def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
@@ -101,7 +120,7 @@ def mistake_in(answer: ArrayLike, gives: Mapping[str, ArrayLike]) -> str:
 def complete(answers: Any, keys: Sequence[Any]) -> None:
     """Raises Wrong for what is no dictionary with these keys."""
     if not isinstance(answers, Mapping):
-        raise Wrong(f"Write a dictionary: {{{', '.join(f'{key!r}: ...' for key in keys)}}}.")
+        raise Wrong(f"Write a dictionary: `{{{', '.join(f'{key!r}: ...' for key in keys)}}}`.")
     for key in keys:
         if key not in answers:
             raise Wrong(f"{key} is missing.")
@@ -112,7 +131,10 @@ def _guarded(answer: Any) -> Any:
     if answer is None or answer is ...:
         raise Blank
     if isinstance(answer, dict):
-        return {key: _guarded(value) for key, value in answer.items()}
+        empty = [str(key) for key, value in answer.items() if value is None or value is ...]
+        if empty:
+            raise Blank(f"Still to fill in: {', '.join(empty)}." if len(empty) < len(answer) else "")
+        return answer
     if not callable(answer):
         return answer
 

@@ -1,15 +1,18 @@
 """What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import ceil, log, nan
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from homing_lib import lambdas
 from homing_lib.features import Array
+from homing_lib.publish.parts import beside, panels
+from homing_lib.publish.style import BLUE, ORANGE, styled
 from homing_lib.settings import Settings
 from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives
@@ -21,6 +24,37 @@ STEPS, GAMMA = 12, 0.9  # of task 3
 GUARDS = (0, 0.8, 1)  # of task 4
 HELD_OUT = range(1000, 1020)  # the walks of the race in task 5
 RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
+
+
+@styled
+def two_ways_down() -> Figure:
+    """Steepest descent and conjugate gradient from above, in a long valley, each step to the lowest point ahead."""
+    figure, (axes,) = panels(2.1, share=0.8)
+    across, along = np.meshgrid(np.linspace(-1, 4.6, 90), np.linspace(-1.2, 1.5, 60))
+    axes.contour(across, along, across**2 + 4 * along**2, levels=[0.3, 1, 3, 8, 20], colors="0.7", linewidths=0.8)
+    for name, beta, steps, look, at in (
+        ("steepest descent", lambda *_: 0.0, 7, (ORANGE, (0, (4, 1.5))), (1.2, 0.55)),
+        ("conjugate gradient", theorem.beta, 2, (BLUE, "-"), (0.2, -0.75)),
+    ):
+        way = downhill(beta, steps)
+        axes.plot(*way.T, color=look[0], linestyle=look[1], marker="o", markersize=3)
+        beside(axes, name, at, (0, 0), color=look[0])
+    axes.set(aspect="equal", xticks=[], yticks=[])
+    return figure
+
+
+def downhill(beta: Callable[..., float], steps: int) -> Array:
+    """From (4, 1), the places on the way down x² + 4y², shape (steps + 1, 2). beta: as `theorem.beta`, of the share of
+    the last direction that is kept.
+    """
+    curvature, x = np.diag([1.0, 4.0]), np.array([4.0, 1.0])
+    way, before, p = [x], np.zeros(2), np.zeros(2)
+    for _ in range(steps):
+        g = -curvature @ x
+        p = g + beta("fletcher-reeves", g, before, p) * p if before.any() else g
+        x, before = x + (g @ p) / (p @ curvature @ p) * p, g
+        way.append(x)
+    return np.array(way)
 
 
 def on_a_quadratic(form_1: lambdas.LambdaRule) -> Array:
@@ -68,12 +102,18 @@ def rivals(seeds: range) -> Mapping[str, Array]:
     return {**learnt.steps, "the climb": np.array(climbed)}
 
 
+def mine_against(compared: rules.Rules) -> dict[str, findings.Comparison]:
+    """Total steps of the first driver, the student's, as a multiple of those of each other."""
+    mine, *others = compared.steps.items()
+    return {label: findings.compare_steps(mine[1].sum(axis=1), steps.sum(axis=1)) for label, steps in others}
+
+
 def without_verdicts(compared: rules.Rules) -> str:
-    """The drivers' total steps as a multiple of those of the rule, in Markdown."""
-    mine = next(iter(compared.steps))
-    rows = [f"| driver | steps of all episodes, mean | as a multiple of {mine} |", "|---|---|---|"]
+    """The drivers' total steps, and those of the student's rule as a multiple of each, in Markdown."""
+    mine, ratios = next(iter(compared.steps)), mine_against(compared)
+    rows = [f"| driver | steps of all episodes, mean | steps of {mine}, as a multiple of these |", "|---|---|---|"]
     for label, steps in compared.steps.items():
-        ratio = f"{compared.verdicts[label]:.2f}" if label != mine else "1"
+        ratio = f"{ratios[label]:.2f}" if label in ratios else ""
         rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {ratio} |")
     return "\n".join(rows)
 
@@ -100,46 +140,43 @@ def four_ways(steps: Mapping[str, Array]) -> str:
 The climb: {mean["climb"]}. Random actions: {mean["random"]}."""
 
 
-def recap(seen: theorem.Distance, raced: walk.Race, compared: rules.Rules, tried: Mapping[str, Array]) -> None:
-    """Print what each task should have shown, in a line each, from what tasks 3, 4, 6 and 7 computed."""
+def recap(seen: theorem.Distance, raced: walk.Race, compared: rules.Rules, tried: Mapping[str, Array]) -> str:
+    """What each task should have shown, from what tasks 3, 4, 6 and 7 computed: a paragraph each, in Markdown."""
     steps = ceil(log(0.5) / log(0.9 * 0.8))
-    print(f"1 · With γ = 0.9 and λ = 0.8, less than half of a feature is left after {steps} steps.")
 
     printed, form_2, _ = on_a_quadratic(lambdas.RULES["hestenes-stiefel:printed"]).T
     times = np.mean(printed / form_2)
-    print(f"2 · On a quadratic the printed form 1 is {times:.0f} times form 2, so the sign got lost.")
 
     after = seen.reset[seen.first - 1 :].min()
     back = "it comes back" if after < 1e-6 else "it does not come back: each direction is built on the one before"
     parted = f"They part at step {seen.first}; from there on δe is {after:.1g} |p| from p, or more, and {back}."
-    print(f"3 · {parted if seen.first else 'No λ leaves [0, 1] here, and they do not part.'}")
 
     error = {label: errors.mean() for label, errors in raced.errors.items()}
     guarded = [error[f"form 2, guard {guard:g}"] for guard in GUARDS]
     by_guard = max(guarded) / min(guarded)
     to_fixed = guarded[0] / error["λ = 0"], guarded[1] / error["λ = 0.8"]
     by_ratio = max(max(ratio, 1 / ratio) for ratio in to_fixed)
-    print(
-        f"4 · From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; guards 0 and 0.8 from "
-        f"λ = 0 and 0.8 by up to {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more."
-    )
 
     undefined, _ = lambdas_given(lambdas.fletcher_reeves, HELD_OUT, raced.step_size["form 2, guard 0"])
-    print(f"5 · In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.")
 
     mine, learning = next(iter(compared.steps.items()))
     excess = learning.mean(axis=0) - (climb := compared.steps["the climb"].mean())
     behind = [*np.flatnonzero(excess <= 0), len(excess)][0]
     when = f"takes as few in episode {behind + 1}" if behind < len(excess) else f"takes more in all {behind} episodes"
-    print(
-        f"6 · The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then {excess[:behind].sum():.0f} "
-        "more in total. The robot pays for those."
-    )
 
     home = {kind: taken.mean() for kind, taken in tried.items()}
-    print(
-        f"7 · After ten episodes the robot that learns on takes {home['restored']:.0f} steps, frozen it takes "
+    shown = (
+        f"With γ = 0.9 and λ = 0.8, less than half of a feature is left after {steps} steps.",
+        f"On a quadratic the printed form 1 is {times:.0f} times form 2, so the sign got lost.",
+        parted if seen.first else "No λ leaves [0, 1] here, and they do not part.",
+        f"From guard to guard, form 2's error differs by a factor of up to {by_guard:.2f}; guards 0 and 0.8 from "
+        f"λ = 0 and 0.8 by up to {by_ratio:.2f}. The {'guard' if by_guard > by_ratio else 'ratio'} moves it more.",
+        f"In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.",
+        f"The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then {excess[:behind].sum():.0f} "
+        "more in total. The robot pays for those.",
+        f"After ten episodes the robot that learns on takes {home['restored']:.0f} steps, frozen it takes "
         f"{home['frozen']:.0f}, learning from the initial weights {home['forgetful']:.0f}; the climb "
         f"{home['climb']:.0f}, random actions {home['random']:.0f}. What it learnt is "
-        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance without the learning."
+        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance without the learning.",
     )
+    return "\n\n".join(f"**{task}** · {line}" for task, line in enumerate(shown, start=1))

@@ -12,14 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from IPython.display import display
 from numpy.typing import NDArray
 
 from homing_lib import lambdas
 from homing_lib.features import Array
 from homing_lib.study import findings, rules, walk
 from homing_lib.teach import checks, experiments
-from homing_lib.teach.checks import SEED, Outcome, Wrong, alike, check, complete, first_of, mistake_in
-from homing_lib.teach.experiments import GAMMA, GUARDS, STEPS, first_episode
+from homing_lib.teach.checks import SEED, Behind, Outcome, Wrong, alike, check, complete, first_of, mistake_in
+from homing_lib.teach.experiments import GAMMA, GUARDS, STEPS, first_episode, mine_against
 
 HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
@@ -117,9 +118,16 @@ def form_1(rule: Any) -> None:
         gamma = rng.uniform(0.5, 0.95)
         change = delta * phi - delta_prev * phi_prev
         late = phi - phi_prev  # one error for both, or none
-        lambda_t = rule(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=e, discount=gamma)
+        step = {"delta": delta, "phi": phi, "delta_prev": delta_prev, "phi_prev": phi_prev}
+        try:
+            lambda_t = rule(**step, trace_prev=e, discount=gamma)
+        except ValueError as error:
+            if "matmul" not in str(error):
+                raise
+            raise hint("form-1", "no-features") from None  # of a number and a vector there is no dot product
         if np.ndim(lambda_t):
-            raise hint("form-1", "array")
+            cancelled = alike(np.abs(lambda_t), np.abs(phi / (gamma * e)))
+            raise hint("form-1", "no-features" if cancelled else "array")
         mistakes = {
             "no-minus": (change @ phi) / (gamma * change @ e),
             "no-gamma": -(change @ phi) / (change @ e),
@@ -256,7 +264,7 @@ def practice(rule: Any) -> str:
 
 
 def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> str:
-    """The result of a rule that does not lose; raises `Wrong` for one that does. judge, choose: as in `walk.race`."""
+    """The result of a rule that does not lose; raises `Behind` for one that does. judge, choose: as in `walk.race`."""
     result = walk.race({"λ = 0.8": lambdas.Fixed(0.8), "the rule": rule}, choose, judge)
     against, step_size = result.verdicts["the rule"], result.step_size["the rule"]
     line = f"Its error is {against:.2f} of that of λ = 0.8, at α = {step_size:g}: {WORDS[against.verdict]}."
@@ -264,7 +272,7 @@ def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> 
         return line
     undefined, mean = experiments.lambdas_given(rule, judge, step_size)
     reason = first_of({"undefined": undefined > 0.2, "forgets": mean < 0.4, "never-forgets": mean > 0.95})
-    raise Wrong(f"{line} {hint('race', reason, undefined=undefined, mean=mean)}")
+    raise Behind(f"{line} {hint('race', reason, undefined=undefined, mean=mean)}")
 
 
 def robot(rule: lambdas.LambdaRule, seeds: range = range(1000)) -> rules.Rules:
@@ -273,7 +281,8 @@ def robot(rule: lambdas.LambdaRule, seeds: range = range(1000)) -> rules.Rules:
     """
     mine = "my rule"
     if (outcome := a_rule.judge(rule)).verdict != "proven":
-        print(f"{outcome}\nFixed λ = 0.8 drives in its stead.")
+        display(outcome)  # type: ignore[no-untyped-call]
+        print("Fixed λ = 0.8 drives in its stead.")
         mine, rule = "λ = 0.8, stand-in", lambdas.Fixed(0.8)
     return rules.Rules({**rules.compare({mine: rule}, seeds).steps, **experiments.rivals(seeds)})
 
@@ -284,10 +293,10 @@ def read(words: Any, compared: rules.Rules) -> str:
 
     words: by driver, "better", "worse" or "tie": what my rule is.
     """
-    complete(words, [*compared.verdicts])
-    mine = {"fewer": "worse", "more": "better"}  # by what the other takes
-    for driver, ratio in compared.verdicts.items():
-        right = mine.get(ratio.verdict, "tie")
+    ratios = mine_against(compared)
+    complete(words, [*ratios])
+    for driver, ratio in ratios.items():
+        right = WORDS[ratio.verdict]
         mistakes = {
             "no-word": words[driver] not in ("better", "worse", "tie"),
             "alike": ratio.verdict == "the same",
@@ -296,7 +305,7 @@ def read(words: Any, compared: rules.Rules) -> str:
         }
         if words[driver] != right:
             raise hint("read", first_of(mistakes), driver=driver, ratio=ratio)
-    return f"Mine is: {', '.join(f'{words[driver]} against {driver}' for driver in compared.verdicts)}."
+    return f"Mine is: {', '.join(f'{words[driver]} against {driver}' for driver in ratios)}."
 
 
 ALONE = {"the weights learnt alone": "frozen", "the updates alone": "forgetful", "both together": "restored"}
@@ -329,12 +338,13 @@ TASKS = (trace, share, from_beta, form_1, first_reset, guards, reach, a_rule, ra
 
 
 def report() -> None:
-    """Print the outcome of each task of the lab, and how many are proven."""
+    """Show the outcome of each task of the lab, and print how many are proven."""
     outcomes = [checks.RECORD.get(task.title, Outcome(task.title, "blank", "Its cell was not run.")) for task in TASKS]
     order = [*checks.RECORD]
     earlier = order[: order.index(a_rule.title)] if a_rule.title in order else []
     for at, (title, verdict, _) in enumerate(outcomes):
         if verdict == "proven" and title in earlier and title in (race.title, read.title):
             outcomes[at] = Outcome(title, "blank", "It was answered for an earlier rule: run its cells again.")
-    print(*outcomes, sep="\n")
+    for outcome in outcomes:
+        display(outcome)  # type: ignore[no-untyped-call]
     print(f"{sum(outcome.verdict == 'proven' for outcome in outcomes)} of {len(TASKS)} proven.")
