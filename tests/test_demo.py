@@ -21,7 +21,7 @@ from homing_lib.lambdas import RULES, dot
 from homing_lib.publish import demo
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
-from homing_lib.study import robots, walk
+from homing_lib.study import measures, robots, walk
 
 mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
 
@@ -248,6 +248,17 @@ def test_a_robot_that_learns_on_in_mid_episode_begins_with_no_trace_and_no_error
     )
     assert [share for share in trace if share] == phi
     assert (step["lambda"], step["frozen"]) == (0, False)
+
+
+def test_the_shortest_way_is_as_long(engine):
+    near = SMALL.with_changes(multiplier=3.0)  # home begins early, which makes the search short
+    (ours,) = measures.shortest(near, 0)["steps"]
+    theirs = engine(
+        """const search = searching(new Experiment(world, settings, 0).env);
+           for (;;) { const { done, value } = search.next(); if (done) return value; }""",
+        settings=as_json(near),
+    )
+    assert theirs == ours > 5
 
 
 # --- The walk --------------------------------------------------------------------------------------------------------

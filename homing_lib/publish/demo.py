@@ -61,7 +61,6 @@ def build() -> str:
         ],
         "stepSizes": STEP_SIZES,
         "firstWalks": EPISODES,
-        "shortest": findings.finding("learns").comparisons["shortest.paper"].value,
         "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }
     parts = {

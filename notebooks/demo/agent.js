@@ -135,6 +135,31 @@ class Experiment {
   }
 }
 
+// The least number of steps to a view that ends an episode, by breadth-first search as in homing_lib.study.measures; yields
+// between poses and returns it.
+function* searching(env) {
+  const { world, settings, psi, robot } = env;
+  const seen = new Set();
+  let frontier = [env.start];
+  for (let steps = 1; steps <= settings.max_steps && frontier.length; steps++) {
+    const reached = [];
+    for (const pose of frontier) {
+      yield;
+      for (const [left, right] of robot.actions) {
+        const [there, stopped] = drive(pose, left, right, settings.wheel_base_m, world);
+        const turn = ((rounded(there.heading / (Math.PI / 18)) % 36) + 36) % 36;
+        const cell = (Math.floor(there.x / 0.02) * 1000 + Math.floor(there.y / 0.02)) * 36 + turn;
+        if (stopped || seen.has(cell)) continue;
+        if (similarity(features(world.histogram(there), env.model)) >= psi.upper) return steps;
+        seen.add(cell);
+        reached.push(there);
+      }
+    }
+    frontier = reached;
+  }
+  return NaN;
+}
+
 // --- The random walk of the textbooks -------------------------------------------------------------------------------
 
 const STATES = 19;

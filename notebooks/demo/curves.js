@@ -54,7 +54,7 @@ function paintCurve(ctx, width, height) {
   const { experiment, reference, rules } = robotView;
   if (!experiment) return;
   const left = 52, alone = !state.seeds, { episodes } = experiment.settings, ends = [];
-  const right = width - widest(ctx, ["shortest way 20.4", ...rules.map(({ name }) => name)]);
+  const right = width - widest(ctx, ["shortest way 19", ...rules.map(({ name }) => name)]);
   const lengths = experiment.episodes.map(({ steps }) => steps.length);
   const shown = rules.toReversed().filter(({ text, rows }) => rows.length && !(alone && text === chosen()));
   const most = Math.max(400, ...lengths, ...shown.flatMap(({ rows }) => rows.flat()));
@@ -128,7 +128,7 @@ function curveTitle({ episodes, settings: { episodes: total } }, { climb, "short
     const said = rules.map(({ name, rows }) => `${short(late(rows[0]))} with ${name}`).join(", ");
     return `${only}: ${last.toLowerCase()}: ${said}. “${TEN} seeds” tells luck from rule`;
   }
-  const early = `the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps`;
+  const early = `the first ${LATE} episodes take ${short(mean(lengths.slice(0, LATE)))} steps on average`;
   return `${only}: ${early}, the last ${LATE} ${short(late(lengths))}${beside}`;
 }
 

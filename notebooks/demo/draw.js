@@ -1,6 +1,6 @@
 // What all drawings share: sharp canvases that are painted when something has changed, axes, colours, texts.
 
-const COUNTED = 0.01; // a trace below is counted as none
+const COUNTED = 0.01; // a trace, or the weight of an error, that is not above is neither painted nor counted
 const CHARTS = [];
 let waiting = false;
 

@@ -7,7 +7,7 @@ const robotView = {
   experiment: null,
   played: "", // the key of its run
   models: new Map(), // what a survey found, by seed
-  references: new Map(), // mean steps of climb and random, by all that they depend on
+  references: new Map(), // steps of climb, random and the shortest way, by all that they depend on
   lengths: new Map(), // of the episodes of whole runs, by rule, seed and all that they depend on
   intervals: new Map(), // interquartile means of these
   hand: null, // a pose that is being dragged
@@ -163,11 +163,10 @@ const robotView = {
     this.put(freePose(this.world, this.world.room.size, rng));
   },
 
-  // What climbing and chance take from this start; the shortest way is stored for the paper's.
+  // What climbing, chance and the shortest way take from this start.
   refer() {
     const key = [state.seed, state.start, state.multiplier].join(" ");
-    const asInThePaper = !state.start && state.multiplier === USUAL.multiplier;
-    this.reference = this.references.get(key) ?? { climb: NaN, random: NaN, "shortest way": asInThePaper ? DATA.shortest : NaN };
+    this.reference = this.references.get(key) ?? { climb: NaN, random: NaN, "shortest way": NaN };
     if (!this.references.has(key)) between("reference", "robot", this.referring(key, this.reference));
   },
 
@@ -178,7 +177,9 @@ const robotView = {
       reference[controller] = mean(lengthsOf(experiment));
       refresh("r-curve");
     }
+    reference["shortest way"] = yield* searching(this.begin().env);
     this.references.set(key, reference);
+    refresh("r-curve");
   },
 
   // The rules beside the chosen one from the same seed; with `seeds`, these and the chosen one from that many.

@@ -152,7 +152,7 @@ function paintChain(ctx, width, height) {
   const y = height - 24, radius = Math.min(12, (0.42 * (right - left)) / STATES);
   ctx.lineWidth = 1.2;
   for (let s = 0; s < STATES; s++) {
-    disc(ctx, box.x(s), y, radius, Math.abs(trace[s]) > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
+    disc(ctx, box.x(s), y, radius, Math.abs(trace[s]) > COUNTED ? traceColour(trace[s]) : colour("ground"), colour("edge"));
   }
   ctx.lineWidth = 2.5;
   disc(ctx, box.x(now ? now.after : (STATES - 1) / 2), y, radius + 3.5, null, colour("orange-line"));
@@ -175,10 +175,10 @@ function paintTrace(ctx, width, height) {
   block(ctx, left, top, right - left, bottom - top, colour("ground"));
   for (let k = first; k < steps.length; k++) {
     if (forward) {
-      for (let t = k, weight = 1; t >= first && weight > 1e-3; weight *= steps[t].lambda, t--) paintCell(k, t - first, weight);
+      for (let t = k, weight = 1; t >= first && weight > COUNTED; weight *= steps[t].lambda, t--) paintCell(k, t - first, weight);
     } else {
       steps[k].trace.forEach((value, s) => {
-        if (Math.abs(value) < 1e-3) return;
+        if (Math.abs(value) <= COUNTED) return;
         paintCell(k, s, value);
         if (value > MOST && cell > 7) disc(ctx, x(k), y(s) + tall / 2, 1.6, "#222222");
       });
