@@ -185,7 +185,7 @@ def test_at_most_three_rules_are_kept_and_each_can_be_dropped(browser):
 
 
 def test_the_cell_of_the_trace_that_is_clicked_says_its_value(browser):
-    opened(browser, "rule=fletcher-reeves&reset=0&at=300")
+    opened(browser, "rule=fixed&lambda=0.6&at=300")
     title(browser, "w-trace")
     step, row, place, changed = browser(
         """(() => {
