@@ -291,7 +291,7 @@ def test_a_robot_that_is_carried_while_it_plays_plays_on(browser):
     browser.mouse("mouseMoved", there)
     browser.mouse("mouseReleased", there)
     browser.until(f"player.mode === 'play' && state.made > {made} + 2")
-    assert browser("state.kidnap.split(';').length") == 2
+    assert browser("legs(robotView.experiment.from, robotView.steps).filter((leg) => leg.carried).length") == 2
 
 
 # --- Everybody -------------------------------------------------------------------------------------------------------
