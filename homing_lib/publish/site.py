@@ -83,7 +83,9 @@ def build() -> dict[str, bytes]:
             describe(notebook)
             around = {"before": ends[place - 1], "after": ends[place + 1], "folded": place > LESSONS}
             files |= converted(notebook, address, partial(links.from_folder, NOTEBOOKS), **around)
-    return files | {path.name: text(path).encode() if path.suffix == ".ipynb" else content(path) for path in links.copied}
+    return files | {
+        path.name: text(path).encode() if path.suffix == ".ipynb" else content(path) for path in links.copied
+    }
 
 
 def content(path: Path) -> bytes:

@@ -285,9 +285,7 @@ function paintBest(ctx, width, height) {
   const sizes = DATA.stepSizes, tenths = [0.2, 0.3, 0.4, 0.5, 0.6];
   const axes = { x: [0, 1], y: [0.2, 0.65], yTicks: tenths, xTicks: [0, 0.2, 0.4, 0.6, 0.8, 1], xLabel: "step size α" };
   const box = panel(ctx, { ...ruleFrame(ctx, width, height), ...axes, yLabel: `error, mean of the first ${FIRST} walks` });
-  inside(ctx, box, () => {
-    if (sizes.at(-1) >= state.alpha) curve(ctx, [[box.x(state.alpha), box.top], [box.x(state.alpha), box.bottom]], colour("line"), 3);
-  });
+  curve(ctx, [[box.x(state.alpha), box.top], [box.x(state.alpha), box.bottom]], colour("line"), 3);
   paintRules(ctx, box, 0.65, (text) => walkView.sweep(text).map(({ alpha, error }) => [alpha, error]));
   if (walkView.runs(chosen(), sizes.at(-1), FIRST).length < SEEDS) return "Each rule at its best step size: being worked out …";
   const least = (text) => Math.min(...walkView.sweep(text).map(({ error }) => error));
