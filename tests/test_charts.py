@@ -11,7 +11,7 @@ from matplotlib.text import Text
 
 from homing_lib.publish import charts, curves, forests, parts, plans
 from homing_lib.publish.forests import Panel, forest
-from homing_lib.publish.style import AMBER, BLUE, GREY, INK, SKY, TEXT_WIDTH
+from homing_lib.publish.style import AMBER, BLUE, GREY, INK, TEXT_WIDTH
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.study import theorem
@@ -127,16 +127,6 @@ def test_a_letter_that_learns_is_a_disc_and_one_that_does_not_a_square():
     # In the middle random actions: late steps by their ratio to those.
     assert places(axes)[:3] == [(INK, 80, 0), (INK, 100, 0), (BLUE, 50, 0)]
     assert places(axes)[3:] == [(INK, 80, 1), (INK, 50, 1), (AMBER, 50, 1)]
-
-
-def test_learning_on_is_a_disc_and_frozen_a_square_and_a_line_joins_the_least_and_the_most():
-    found = {"a.restored.steps": number(30), "a.frozen.steps": number(90), "a.untrained.steps": number(60)}
-    figure = forests.drives(found, {"here": "a"}, {"restored": "R", "frozen": "F", "untrained": "U"})
-    (axes,) = drawn(figure)
-    assert axes.lines[0].get_xdata().tolist() == [30, 90]
-    assert places(axes) == [(SKY, 30, 0), (AMBER, 90, 0), (AMBER, 60, 0)]
-    assert marks(axes) == [("o", True), ("s", True), ("s", False)]
-    assert words(figure.legends[0].texts) == ["R", "F", "U"]
 
 
 def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():

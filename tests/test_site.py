@@ -39,13 +39,18 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
-def test_the_site_is_all_its_pages_within_fifteen_megabytes(files):
+def test_the_site_is_all_its_pages_within_thirty_megabytes(files):
     assert sorted(name for name in files if name.endswith(".html")) == sorted([*PAGES, "demo.html"])
-    assert sum(map(len, files.values())) <= 15_000_000
+    assert sum(map(len, files.values())) <= 30_000_000
+
+
+def test_what_the_report_links_is_there_as_it_is_in_a_clone(files):
+    assert {*site.report.linked()} <= files.keys()
+    assert {"paper/report.pdf", "data/learns.parquet", "homing_lib/publish/curves.py"} <= files.keys()
 
 
 def test_written_a_second_time_it_is_the_same_to_the_byte_and_nothing_of_an_older_one_stays(files, folder):
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == files
+    assert {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.*")} == files
 
 
 def test_no_page_loads_anything_from_elsewhere_and_none_runs_a_script(files, pages):
@@ -147,7 +152,7 @@ def test_the_page_of_the_model_has_what_its_modules_offer_and_every_setting(page
 
 
 def test_what_is_not_there_is_named_in_one_line(monkeypatch, tmp_path):
-    monkeypatch.setitem(site.COPIES, "report.pdf", tmp_path / "report.pdf")
+    monkeypatch.setitem(site.COPIES, "paper/report.pdf", tmp_path / "report.pdf")
     with pytest.raises(UserError, match=r"report\.pdf: missing; `make` builds it") as told:
         site.build()
     assert "\n" not in str(told.value)

@@ -20,6 +20,7 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
+from homing_lib.publish import report
 from homing_lib.publish.demo import PAGE, palette
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
 from homing_lib.publish.where import draws, imports, looked_up
@@ -36,14 +37,14 @@ LESSONS = 4
 DOORS = (
     ("index.html", "Home"),
     ("demo.html", "Play"),
-    ("report.pdf", "Report"),
+    ("paper/report.pdf", "Report"),
     ("claims.html", "Claims"),
     ("errata.html", "Errata"),
     ("model.html", "Model"),
 )
 COPIES = {
     "demo.html": PAGE,
-    "report.pdf": ROOT / "paper" / "report.pdf",
+    "paper/report.pdf": ROOT / "paper" / "report.pdf",
     "film.gif": ROOT / "figures" / "film.gif",
     "lab.ipynb": NOTEBOOKS / "lab.ipynb",
 }
@@ -53,7 +54,8 @@ HOMEWARDS = (b"<h1>The homing companion</h1>", b'<h1><a href="index.html">The ho
 
 def build() -> dict[str, bytes]:
     """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
-    files = {name: content(path) for name, path in COPIES.items()}
+    copies = COPIES | {name: ROOT / name for name in report.linked()}
+    files = {name: content(path) for name, path in copies.items()}
     files["demo.html"] = files["demo.html"].replace(*HOMEWARDS)
     css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
     files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
