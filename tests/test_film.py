@@ -113,24 +113,21 @@ def test_a_film_shows_every_step_while_all_episodes_go_on_and_no_more_than_its_f
     assert len(steps) == min(FRAMES, max(lengths) + 1)
 
 
-def test_a_stored_run_is_filmed_as_it_is_once_its_manifest_vouches_for_it(films, result, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(runs, "DATA", tmp_path)
-    monkeypatch.setattr("homing_lib.publish.film.run", None)  # so that none is computed
-    path, film = runs.path_of(HEADLINE.folder, result.settings, 3), tmp_path / "again.gif"
+@pytest.fixture
+def stored(result, tmp_path, monkeypatch) -> Path:
+    """The run, stored where a run of the headline is, and as yet without a manifest; none is computed."""
+    monkeypatch.setattr(runs, "DATA", tmp_path / "data")
+    monkeypatch.setattr("homing_lib.publish.film.run", None)
+    path = runs.path_of(HEADLINE.folder, result.settings, 3)
     runs.save(result, path)
-    assert homing_film(film) == 1
-    assert f"{path}: no manifest" in capsys.readouterr().err
-    manifest = {"sha256": {path.name: runs.sha256(path)}, "made by": runs.MADE_BY}
-    HEADLINE.manifest.write_text(json.dumps(manifest))
-    assert homing_film(film) == 0
-    assert film.read_bytes() == (films / "film.gif").read_bytes()  # which was run, and drawn, anew
+    return path
 
 
 HOSTILE = {"axes.grid": True, "savefig.bbox": "tight", "animation.bitrate": 50, "animation.codec": "mpeg4"}
 
 
-def test_whatever_its_name_and_the_users_style_it_has_the_same_bytes_and_a_killed_one_is_cleared(
-    films, tmp_path, monkeypatch
+def test_a_stored_run_is_filmed_as_it_is_whatever_the_films_name_and_the_users_style(
+    films, stored, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     name = "-10:30 '[%03d]"  # an option, an address, a quotation, a pattern
@@ -138,10 +135,14 @@ def test_whatever_its_name_and_the_users_style_it_has_the_same_bytes_and_a_kille
     gone.wait()
     for stem in (name, "other"):
         Path(f".{stem}.{gone.pid}.part.mp4").touch()
+    assert homing_film(f"{name}.mp4") == 1
+    assert f"{stored}: no manifest" in capsys.readouterr().err
+    manifest = {"sha256": {stored.name: runs.sha256(stored)}, "made by": runs.MADE_BY}
+    HEADLINE.manifest.write_text(json.dumps(manifest))
     with matplotlib.rc_context(HOSTILE):
         assert homing_film(f"{name}.mp4") == 0
-    assert {path.name for path in tmp_path.iterdir()} == {f".other.{gone.pid}.part.mp4", f"{name}.mp4"}
-    assert Path(f"{name}.mp4").read_bytes() == (films / "film.mp4").read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {"data", f".other.{gone.pid}.part.mp4", f"{name}.mp4"}
+    assert Path(f"{name}.mp4").read_bytes() == (films / "film.mp4").read_bytes()  # which was run, and drawn, anew
 
 
 @pytest.mark.parametrize(
