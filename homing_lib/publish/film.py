@@ -82,7 +82,8 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
                         scene.draw(step)
                         writer.grab_frame()
             except CalledProcessError as error:
-                raise UserError(f"{path}: cannot be written (ffmpeg: {error.stderr or error.output})") from None
+                why = error.stderr.strip() or f"ended with code {error.returncode}"
+                raise UserError(f"{path}: cannot be written (ffmpeg: {why})") from None
 
 
 def timetable(lengths: Sequence[int], frames: int = FRAMES) -> list[int]:

@@ -99,11 +99,10 @@ def _figure(name: str, figure: where.Drawn) -> str:
 
 
 def _made(figure: where.Drawn) -> str:
-    """The end of a caption: the notebook, and the first tables."""
+    """The end of a caption: the notebook, and the first data sets."""
     names = [study.name for study in figure.studies]
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    tables = f" from {', '.join(names[:3])}{more}" if names else ""
-    return escaped(f"{figure.notebook.stem}{tables}")
+    data = ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
+    return escaped(f"{figure.notebook.stem}, data {data}" if names else figure.notebook.stem)
 
 
 def _file(path: str, text: str) -> str:
