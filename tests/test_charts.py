@@ -139,16 +139,6 @@ def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
     np.testing.assert_allclose(learning.lines[0].get_xydata(), np.column_stack([range(1, 21), RUNS.mean(axis=0)]))
 
 
-def test_worth_is_a_curve_for_each_room_over_the_episodes_so_far():
-    found = {
-        f"{room}.{start}.{n}": number(n * by) for room, by in (("x", 1), ("y", 2)) for start in "ab" for n in (5, 9)
-    }
-    for axes in drawn(curves.worth(found, ["x", "y"], (5, 9), {"a": "A", "b": "B"})):
-        assert [line.get_xydata().tolist() for line in axes.lines[:2]] == [[[5, 5], [9, 9]], [[5, 10], [9, 18]]]
-        assert axes.lines[2].get_ydata() == [1, 1]
-    assert words(axes.texts) == ["x", "y"]
-
-
 def test_the_frozen_robots_stand_after_the_episodes_that_they_learnt():
     (axes,) = drawn(curves.learns(RUNS, RUNS[:2], {"least": 20}, {10: number(60)}))
     assert places(axes) == [(AMBER, 10, 60)]

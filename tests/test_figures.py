@@ -59,7 +59,7 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-REDRAWN = ("fig3-thresholds", "varying", "varying-own", "rooms", "rooms-matrix", "drives-start", "worth-everywhere")
+REDRAWN = "fig3-thresholds varying varying-own rooms rooms-matrix drives-start worth worth-everywhere".split()
 
 
 @pytest.mark.parametrize("name", REDRAWN)
