@@ -135,7 +135,7 @@ def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
     assert words(learning.texts) == ["form 2", "same", "slow"]
     assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
     assert marks(against) == [("D", True), ("D", True), ("s", True), ("s", True)]  # of all steps, and of the late ones
-    assert [(colour, x) for colour, x, _ in places(against)] == [(INK, 1), (GREY, 1), (INK, 3), (GREY, 3)]
+    assert places(against) == [(INK, 1, -0.14), (GREY, 1, 0.14), (INK, 3, 0.86), (GREY, 3, 1.14)]
     np.testing.assert_allclose(learning.lines[0].get_xydata(), np.column_stack([range(1, 21), RUNS.mean(axis=0)]))
 
 

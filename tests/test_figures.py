@@ -67,7 +67,7 @@ def every():
     return where.drawn()
 
 
-@pytest.mark.parametrize("name", [*REDRAWN, "worth-everywhere"])
+@pytest.mark.parametrize("name", [*REDRAWN, "worth-everywhere", "calibration-marginals"])
 def test_what_a_figure_is_said_to_depend_on_draws_it_as_it_is_stored(every, tmp_path, name):
     figure = every[name]
     codes = [cell.source for cell in nbformat.read(figure.notebook, as_version=4).cells if cell.cell_type == "code"]
