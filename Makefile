@@ -31,6 +31,11 @@ export FORCE_SOURCE_DATE := 1
 export MPLBACKEND := Agg
 export HYPOTHESIS_STORAGE_DIRECTORY := .build/hypothesis
 unexport PYTHONPATH PYTHONHOME
+# Nor anything of a user's own: LaTeX takes its packages from where it is installed.
+export TEXMFHOME := /nonexistent
+export TEXMFCONFIG := /nonexistent
+export TEXMFVAR := /nonexistent
+unexport TEXINPUTS TEXMFCNF TEXFONTMAPS
 
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
@@ -104,8 +109,8 @@ quick: $(NOTEBOOKS:%=.build/quick/%.ipynb) ## the same in some minutes and into 
 	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
 
 # Report, and two lectures: slides, and as a second PDF each slide with three lines for the lecturer
-.build/numbers: .build/data $(MODEL) $(STUDY) $(patsubst %,homing_lib/publish/%.py,report prose tex) paper/report.tex \
-  $(wildcard paper/lectures/*.tex)
+.build/numbers: .build/data $(MODEL) $(STUDY) $(patsubst %,homing_lib/publish/%.py,report prose tex where) \
+  $(NOTEBOOKS:%=notebooks/%.ipynb) paper/report.tex $(wildcard paper/lectures/*.tex)
 	$(HOMING) numbers --latex > paper/numbers.tex.part
 	@mv paper/numbers.tex.part paper/numbers.tex
 	@cksum paper/numbers.tex > $@
@@ -142,7 +147,7 @@ site: .build/pages ## all of it as pages to read from disk: open .build/site/ind
 .build/pages: $(EXECUTED) .build/demo .build/report homing_lib/publish/site.py $(wildcard notebooks/site/*) \
   notebooks/lab.ipynb README.md figures/film.gif
 	$(HOMING) site
-	@cksum .build/site/* > $@
+	@find .build/site -type f -exec cksum {} + > $@
 
 lab: .build/lab/lab-teacher.zip ## the lab for a class, .build/lab: lab.zip for students, lab-teacher.zip with the solutions
 .build/lab/lab-teacher.zip: .build/data $(wildcard homing_lib/*.* homing_lib/*/*.* homing_lib/*/*/*.*) \

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 
 from homing_lib.publish import charts, curves, forests, parts, plans
 from homing_lib.publish.forests import Panel, forest
-from homing_lib.publish.style import AMBER, BLUE, GREY, INK, SKY, TEXT_WIDTH
+from homing_lib.publish.style import AMBER, BLUE, GREY, INK, TEXT_WIDTH
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.study import theorem
@@ -129,34 +129,14 @@ def test_a_letter_that_learns_is_a_disc_and_one_that_does_not_a_square():
     assert places(axes)[3:] == [(INK, 80, 1), (INK, 50, 1), (AMBER, 50, 1)]
 
 
-def test_learning_on_is_a_disc_and_frozen_a_square_and_a_line_joins_the_least_and_the_most():
-    found = {"a.restored.steps": number(30), "a.frozen.steps": number(90), "a.untrained.steps": number(60)}
-    figure = forests.drives(found, {"here": "a"}, {"restored": "R", "frozen": "F", "untrained": "U"})
-    (axes,) = drawn(figure)
-    assert axes.lines[0].get_xdata().tolist() == [30, 90]
-    assert places(axes) == [(SKY, 30, 0), (AMBER, 90, 0), (AMBER, 60, 0)]
-    assert marks(axes) == [("o", True), ("s", True), ("s", False)]
-    assert words(figure.legends[0].texts) == ["R", "F", "U"]
-
-
 def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
     found = Rules({"form 2": RUNS, "same": RUNS, "slow": 3 * RUNS})
     learning, against = drawn(curves.rules(found))
     assert words(learning.texts) == ["form 2", "same", "slow"]
     assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
     assert marks(against) == [("D", True), ("D", True), ("s", True), ("s", True)]  # of all steps, and of the late ones
-    assert [(colour, x) for colour, x, _ in places(against)] == [(INK, 1), (GREY, 1), (INK, 3), (GREY, 3)]
+    assert places(against) == [(INK, 1, -0.14), (GREY, 1, 0.14), (INK, 3, 0.86), (GREY, 3, 1.14)]
     np.testing.assert_allclose(learning.lines[0].get_xydata(), np.column_stack([range(1, 21), RUNS.mean(axis=0)]))
-
-
-def test_worth_is_a_curve_for_each_room_over_the_episodes_so_far():
-    found = {
-        f"{room}.{start}.{n}": number(n * by) for room, by in (("x", 1), ("y", 2)) for start in "ab" for n in (5, 9)
-    }
-    for axes in drawn(curves.worth(found, ["x", "y"], (5, 9), {"a": "A", "b": "B"})):
-        assert [line.get_xydata().tolist() for line in axes.lines[:2]] == [[[5, 5], [9, 9]], [[5, 10], [9, 18]]]
-        assert axes.lines[2].get_ydata() == [1, 1]
-    assert words(axes.texts) == ["x", "y"]
 
 
 def test_the_frozen_robots_stand_after_the_episodes_that_they_learnt():

@@ -1,6 +1,6 @@
 """A figure's file depends on its data alone, and its colours and marks can be told apart by all who see it."""
 
-import os
+import ast
 import subprocess
 import sys
 from itertools import combinations
@@ -8,39 +8,39 @@ from itertools import combinations
 import matplotlib
 
 matplotlib.use("Agg")
+import nbformat
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from homing_lib.publish import charts, figures, forests, style
+from homing_lib.publish import charts, figures, forests, style, where
 from homing_lib.storage import ROOT
-from homing_lib.study import studies
-from homing_lib.study.findings import finding
-from homing_lib.study.questions.drives import START
-from homing_lib.study.questions.rooms import CALIBRATED_IN
-from homing_lib.thresholds import linear, square_root
 
+HOSTILE = """
+axes.grid: True
+axes.formatter.use_locale: True
+font.size: 20
+lines.linewidth: 9
+savefig.bbox: tight
+savefig.facecolor: red
+text.usetex: True
+"""
 DRAWS = """
 import sys
 from homing_lib.publish import charts, figures
-figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), sys.argv[1], "drawn")
+figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), sys.argv[1], sys.argv[2])
 """
-HOSTILE = "axes.grid: True\nsavefig.bbox: tight\nfont.size: 20\nlines.linewidth: 9\nsavefig.facecolor: red\n"
-
-
-def saved(folder, **environment) -> list[bytes]:
-    """The bytes of a figure that another process draws: its PDF, and its PNG."""
-    subprocess.run([sys.executable, "-c", DRAWS, folder], check=True, cwd=ROOT, env=os.environ | environment)
-    return [(folder / f"drawn.{kind}").read_bytes() for kind in ("pdf", "png")]
 
 
 def test_nothing_of_a_users_own_style_and_no_date_is_in_a_file_and_letters_are_embedded(tmp_path, monkeypatch):
-    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
     (tmp_path / "matplotlibrc").write_text(HOSTILE, encoding="utf-8")
-    pdf, png = saved(tmp_path, MATPLOTLIBRC=str(tmp_path / "matplotlibrc"))
-    figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), tmp_path, "here")
-    assert (pdf, png) == tuple((tmp_path / f"here.{kind}").read_bytes() for kind in ("pdf", "png"))
+    monkeypatch.setenv("MATPLOTLIBRC", str(tmp_path / "matplotlibrc"))
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    subprocess.run([sys.executable, "-c", DRAWS, tmp_path, "theirs"], check=True, cwd=ROOT)
+    figures.save(charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]), tmp_path, "ours")
+    pdf, png = ((tmp_path / f"theirs.{kind}").read_bytes() for kind in ("pdf", "png"))
+    assert (pdf, png) == tuple((tmp_path / f"ours.{kind}").read_bytes() for kind in ("pdf", "png"))
     assert b"CreationDate" not in pdf
     assert b"/CIDFontType2" in pdf  # outlines that can be searched, not pictures of letters
     assert b"Software" not in png
@@ -59,21 +59,21 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-FORMS = [np.array([form(m) for m in range(1, 31)]) for form in (linear, square_root)]
-STORED = {
-    "fig3-thresholds": lambda: charts.threshold_forms(np.arange(1, 31), *FORMS, {m: square_root(m) for m in (12, 11)}),
-    "drives-start": lambda: forests.drives(finding("drives"), {name: name for name in START}),
-    "varying": lambda: forests.varying(finding("varying")),
-    "varying-own": lambda: forests.own_mean(finding("varying")),
-    "rooms": lambda: forests.rooms(finding("rooms"), studies.ROOMS),
-    "rooms-matrix": lambda: charts.matrix(finding("rooms"), CALIBRATED_IN),
-    "worth-everywhere": lambda: forests.everywhere(finding("worth"), studies.ROOMS),
-}
+REDRAWN = ("fig3-thresholds", "varying", "varying-own", "rooms", "rooms-matrix", "drives-start", "worth")
 
 
-@pytest.mark.parametrize("name", STORED)
-def test_a_stored_figure_shows_what_is_stored_as_found(tmp_path, name):
-    figures.save(STORED[name](), tmp_path, name)
+@pytest.fixture(scope="module")
+def every():
+    return where.drawn()
+
+
+@pytest.mark.parametrize("name", [*REDRAWN, "worth-everywhere", "calibration-marginals"])
+def test_what_a_figure_is_said_to_depend_on_draws_it_as_it_is_stored(every, tmp_path, name):
+    figure = every[name]
+    codes = [cell.source for cell in nbformat.read(figure.notebook, as_version=4).cells if cell.cell_type == "code"]
+    imports = [node for code in codes for node in ast.parse(code).body if isinstance(node, ast.Import | ast.ImportFrom)]
+    needed = [one for one in reversed(figure.statements) if ast.unparse(one) != "figures_dir = None"]
+    exec(compile(ast.Module([*imports, *needed], []), name, "exec"), {"figures_dir": tmp_path})
     stored = imread(ROOT / "figures" / f"{name}.png")
     np.testing.assert_array_equal(imread(tmp_path / f"{name}.png"), stored, err_msg="`make notebooks` draws it anew")
 

@@ -4,9 +4,11 @@ import json
 import os
 import sys
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import imageio.v3 as iio
+import matplotlib
 import numpy as np
 import pytest
 
@@ -112,26 +114,35 @@ def test_a_film_shows_every_step_while_all_episodes_go_on_and_no_more_than_its_f
     assert len(steps) == min(FRAMES, max(lengths) + 1)
 
 
-def test_a_stored_run_is_filmed_as_it_is_once_its_manifest_vouches_for_it(films, result, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(runs, "DATA", tmp_path)
-    monkeypatch.setattr("homing_lib.publish.film.run", None)  # so that none is computed
-    path, film = runs.path_of(HEADLINE.folder, result.settings, 3), tmp_path / "again.gif"
+@pytest.fixture
+def stored(result, tmp_path, monkeypatch) -> Path:
+    """The run, stored where a run of the headline is, and as yet without a manifest; none is computed."""
+    monkeypatch.setattr(runs, "DATA", tmp_path / "data")
+    monkeypatch.setattr("homing_lib.publish.film.run", None)
+    path = runs.path_of(HEADLINE.folder, result.settings, 3)
     write_bytes(path, runs.content_of(result))
-    assert homing_film(film) == 1
-    assert f"{path}: no manifest" in capsys.readouterr().err
-    manifest = {"sha256": {path.name: runs.sha256(path)}, "made by": runs.MADE_BY}
+    return path
+
+
+HOSTILE = {"axes.grid": True, "savefig.bbox": "tight", "animation.bitrate": 50, "animation.codec": "mpeg4"}
+
+
+def test_a_stored_run_is_filmed_as_it_is_whatever_the_films_name_and_the_users_style(
+    films, stored, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    name = "-10:30 '[%03d]"  # an option, an address, a quotation, a pattern
+    for stem in (name, "other"):
+        Path(f".{stem}.17.part.mp4").touch()
+        os.utime(f".{stem}.17.part.mp4", (0, 0))  # what a killed film left long ago
+    assert homing_film(f"{name}.mp4") == 1
+    assert f"{stored}: no manifest" in capsys.readouterr().err
+    manifest = {"sha256": {stored.name: runs.sha256(stored)}, "made by": runs.MADE_BY}
     HEADLINE.manifest.write_text(json.dumps(manifest))
-    assert homing_film(film) == 0
-    assert film.read_bytes() == (films / "film.gif").read_bytes()  # which was run, and drawn, anew
-
-
-def test_the_same_episode_gives_the_same_bytes_and_clears_what_a_killed_film_left(films, tmp_path):
-    for name in ("film", "other"):
-        (tmp_path / f".{name}.17.part.mp4").touch()
-        os.utime(tmp_path / f".{name}.17.part.mp4", (0, 0))
-    assert homing_film(tmp_path / "film.mp4") == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".other.17.part.mp4", "film.mp4"]
-    assert (tmp_path / "film.mp4").read_bytes() == (films / "film.mp4").read_bytes()
+    with matplotlib.rc_context(HOSTILE):
+        assert homing_film(f"{name}.mp4") == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"data", ".other.17.part.mp4", f"{name}.mp4"}
+    assert Path(f"{name}.mp4").read_bytes() == (films / "film.mp4").read_bytes()  # which was run, and drawn, anew
 
 
 @pytest.mark.parametrize(

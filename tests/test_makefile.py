@@ -133,7 +133,7 @@ SET = ["report", "blame", "blame-notes"]
         ("homing_lib/teach/exercises.py", [*NOTEBOOKS, *SET, "site", "lab"]),
         ("homing_lib/teach/lab.py", ["lab"]),
         ("homing_lib/__main__.py", ["lab"]),
-        ("notebooks/02-b.ipynb", ["notebook 02-b", *SET, "site"]),
+        ("notebooks/02-b.ipynb", [NUMBERS, "notebook 02-b", *SET, "site"]),
         ("notebooks/lab.ipynb", ["site", "lab"]),
         ("notebooks/demo/page.html", ["demo", "site"]),
         ("paper/report.tex", [NUMBERS, *SET, "site"]),

@@ -1,6 +1,5 @@
 """Numbers in prose are those of the findings, and every sentence that rests on a verdict is named when that falls."""
 
-import json
 import re
 
 import nbformat
@@ -55,7 +54,6 @@ def written(found, monkeypatch, tmp_path):
     [
         ("varying.paper.total", "1.15 [1.10, 1.20]"),
         ("varying.paper.total|0", "1 [1, 1]"),
-        ("varying.paper.total|1", "1.2 [1.1, 1.2]"),
         ("varying.paper.total|v3", "1.153"),
         ("varying.paper.total|v", "1.15"),
         ("varying.paper.home|pct", "93 [90, 96] %"),
@@ -68,45 +66,38 @@ def test_a_number_is_written_by_its_format(name, text, found):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("text", "words"),
     [
-        ("varing.paper.total", ("'varing'", "varying, C8", "did you mean varying?")),
-        ("varying.paper.totl", ("varying.paper.totl", "did you mean paper.total?")),
-        ("varying", ("varying",)),
-        ("varying.steps|nice", ("varying.steps|nice", "pct")),
+        (r"\num{varing.paper.total}", ("'varing'", "varying, C8", "did you mean varying?")),
+        (r"\num{varying.paper.totl}", ("varying.paper.totl", "did you mean paper.total?")),
+        (r"\num{varying}", ("varying",)),
+        (r"\num{varying.steps|nice}", ("varying.steps|nice", "pct")),
+        (r"It helps. \pin{varying}", ("report.tex: ", "'varying'", "=")),
     ],
 )
-def test_an_unknown_number_is_refused_with_a_near_one(name, words, found):
+def test_an_unknown_number_and_a_pin_without_a_word_are_refused_in_a_line(text, words, written):
+    written(latex=text)
     with pytest.raises(UserError) as refusal:
-        prose.number(name)
+        prose.macros(), prose.broken()
     assert str(refusal.value).isprintable()
     assert [word for word in words if word not in str(refusal.value)] == []
 
 
-def test_marks_are_filled_and_filled_again_they_stay(found):
-    text = "It takes <!--n varying.steps|0--><!--/n-->, or\n<!--n varying.paper.home|vpct-->12 %<!--/n-->; 5 > 4."
-    once = prose.refreshed(text)
-    assert once == (
-        "It takes <!--n varying.steps|0-->12,346 [12,000, 13,000]<!--/n-->, or\n"
-        "<!--n varying.paper.home|vpct-->93 %<!--/n-->; 5 > 4."
-    )
-    assert prose.refreshed(once) == once
-
-
 def test_numbers_are_filled_into_markdown_and_notebooks_and_only_what_changed_is_written(written):
-    readme, report, notebook = written(
-        "<!--n varying.paper.total|v--><!--/n-->",
+    readme, _, notebook = written(
+        "It takes <!--n varying.steps|0--><!--/n-->, or\n<!--n varying.paper.home|vpct-->12 %<!--/n-->; 5 > 4.",
         r"\num{varying.steps|0}",
         ["λ: <!--n C8.restored.soon|pct-->?<!--/n-->"],
     )
     assert prose.update() == [readme, notebook]
-    assert readme.read_text(encoding="utf-8") == "<!--n varying.paper.total|v-->1.15<!--/n-->"
+    assert readme.read_text(encoding="utf-8") == (
+        "It takes <!--n varying.steps|0-->12,346 [12,000, 13,000]<!--/n-->, or\n"
+        "<!--n varying.paper.home|vpct-->93 %<!--/n-->; 5 > 4."
+    )
     cells = nbformat.read(notebook, as_version=4).cells
     assert cells[0].source == "λ: <!--n C8.restored.soon|pct-->50 [40, 60] %<!--/n-->"
     assert prose.update() == []
-    assert prose.macros({"report": report.read_text(encoding="utf-8")}) == {
-        "varying.steps|0": "12,346 [12,000, 13,000]"
-    }
+    assert prose.macros() == {"varying.steps|0": "12,346 [12,000, 13,000]"}
 
 
 COMMAS = "<!-- pin: worth=in 0, within 60 in 2, printed.the letter, tau .03=more, C8=a -->"
@@ -118,24 +109,18 @@ def test_pins_are_read_from_markdown_and_latex_paragraph_by_paragraph(written):
         "One \\pin{varying=no} and \\num{varying.steps|0}\nmore.\\pin{C8=contradicted}\n\n\\num{varying.paper.total}",
         ["A <!-- pin: varying.paper.total=more\nor so -->", "B", COMMAS],
     )
-    assert [(one.where, one.pins, one.numbers) for one in prose.paragraphs()] == [
-        ("README.md", {"varying": "no", "C8": "contradicted"}, ()),
-        ("README.md", {"C8": "supported"}, ()),
-        ("report.tex", {"varying": "no", "C8": "contradicted"}, ("varying.steps|0",)),
-        ("report.tex", {}, ("varying.paper.total",)),
-        ("one.ipynb, cell cell0", {"varying.paper.total": "more or so"}, ()),
+    assert [(one.where, one.pins, one.quoted) for one in prose.paragraphs()] == [
+        ("README.md", {"varying": "no", "C8": "contradicted"}, []),
+        ("README.md", {"C8": "supported"}, []),
+        ("report.tex", {"varying": "no", "C8": "contradicted"}, ["varying.steps"]),
+        ("report.tex", {}, ["varying.paper.total"]),
+        ("one.ipynb, cell cell0", {"varying.paper.total": "more or so"}, []),
         (
             "one.ipynb, cell cell2",
             {"worth": "in 0, within 60 in 2", "printed.the letter, tau .03": "more", "C8": "a"},
-            (),
+            [],
         ),
     ]
-
-
-def test_a_pin_without_a_word_is_refused_where_it_stands(written):
-    written("It helps. <!-- pin: varying -->")
-    with pytest.raises(UserError, match=r"^README\.md: pin 'varying'.*=.*"):
-        prose.broken()
 
 
 def test_a_sentence_whose_verdict_fell_is_named_and_one_that_quotes_a_word_unpinned(written):
@@ -144,45 +129,34 @@ def test_a_sentence_whose_verdict_fell_is_named_and_one_that_quotes_a_word_unpin
         "It takes \\num{varying.paper.total} of the steps. \\pin{varying=no}\n\n"
         "\\pin{varying.steps=fewer} \\num{varying.steps|0} \\num{varying.paper.home}",
     )
-    fallen, unknown = prose.broken()
-    for line, words in (fallen, ("C8 = 'supported'", "'contradicted'")), (unknown, ("C99 = 'yes'", "no such")):
-        assert line.startswith("README.md: ")
-        assert line.endswith("All come home.")
-        assert [word for word in words if word not in line] == []
-    assert [line.split(":")[0] for line in prose.broken({**findings.verdicts(), "varying": "yes"})] == [
-        *["README.md"] * 3,
-        "report.tex",
+    expected = [
+        ("README.md: ", "C8 = 'supported'", "'contradicted'", ": All come home."),
+        ("README.md: ", "C99 = 'yes'", "no such", ": All come home."),
+        ("report.tex: ", "quotes varying.paper.total", "'more'", ": It takes"),
     ]
-    (line,) = prose.unpinned()
-    assert line.startswith("report.tex: ")
-    assert "varying.paper.total" in line
-    assert "'more'" in line
+    for line, words in zip(prose.broken(), expected, strict=True):
+        assert [word for word in words if word not in line] == []
 
 
 # The prose of the repository
-
-
-def test_no_sentence_rests_on_what_was_not_found_and_no_word_is_quoted_unpinned():
-    assert prose.broken() == []
-    assert prose.unpinned() == []
 
 
 def test_every_number_of_the_repository_is_as_it_was_found():
     for path in (*prose.MARKDOWN, *prose.NOTEBOOKS):
         text = path.read_text(encoding="utf-8")
         assert prose.refreshed(text) == text, f"{path}: `homing numbers` fills them in"
-    assert prose.macros({path.name: path.read_text(encoding="utf-8") for path in prose.LATEX})
 
 
-def test_flipping_any_verdict_names_the_sentences_that_rest_on_it():
+def test_nothing_rests_on_what_was_not_found_and_flipping_any_verdict_names_the_sentences_that_rest_on_it(monkeypatch):
+    assert prose.broken() == []
     words, every = findings.verdicts(), list(prose.paragraphs())
+    monkeypatch.setattr(prose, "paragraphs", lambda: every)
     pinned = {key for one in every for key in one.pins}
     assert pinned >= {one.name for one in findings.questions().values() if not one.is_claim}
     for key in pinned:
         named = prose.broken({**words, key: f"not {words[key]}"})
         resting = [one.where for one in every if key in one.pins]
-        assert [line.partition(": rests on ")[0] for line in named] == resting
-        assert all(f": rests on {key} = {words[key]!r}, found 'not " in line for line in named)
+        assert [line.partition(f": rests on {key} = {words[key]!r}, found 'not ")[0] for line in named] == resting
 
 
 JUDGES = re.compile(r"\b(takes (?:fewer|more) steps|helps|(?<!home )is worth|brings (?:it|the robot) home)\b")
@@ -200,24 +174,21 @@ def judging(text):
             yield plain[:100]
 
 
-def test_a_judgement_without_a_pin_is_found_and_a_question_is_none():
-    pinned = "A varying lambda helps. <!-- pin: varying=yes -->"
-    assert list(judging(f"{pinned}\n\nDoes it help? Learning\nis worth it.\n\n# It helps\n\nDoes it help?")) == [
-        "Does it help? Learning is worth it."
-    ]
-
-
 def told():
-    """Text of README, the notebooks of the study and the report, by where it stands."""
+    """Text of README, the notebooks of the study and the report, by where it stands; and what judges, to try this."""
+    yield (
+        "here",
+        "A varying λ helps. <!-- pin: C8=a -->\n\nDoes it? Learning\nis worth it.\n\n# It helps\n\nDoes it help?",
+    )
     yield "README.md", prose.MARKDOWN[0].read_text(encoding="utf-8")
     yield "report.tex", prose.LATEX[0].read_text(encoding="utf-8").partition(r"\begin{document}")[2]
     for path in prose.NOTEBOOKS:
-        if re.match(r"0[6-9]-", path.name):
-            for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-                exercise = cell["id"].startswith(("exercise", "solution"))
-                if cell["cell_type"] == "markdown" and not exercise:
-                    yield f"{path.name}, {cell['id']}", "".join(cell["source"])
+        for cell in nbformat.read(path, as_version=4).cells if re.match(r"0[6-9]-", path.name) else ():
+            if cell.cell_type == "markdown" and not cell.id.startswith(("exercise", "solution")):
+                yield f"{path.name}, {cell.id}", cell.source
 
 
 def test_no_paragraph_of_the_repository_judges_without_a_pin():
-    assert [f"{where}: {found}" for where, text in told() for found in judging(text)] == []
+    assert [(where, found) for where, text in told() for found in judging(text)] == [
+        ("here", "Does it? Learning is worth it.")
+    ]

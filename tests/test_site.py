@@ -39,13 +39,18 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
-def test_the_site_is_all_its_pages_within_fifteen_megabytes(files):
+def test_the_site_is_all_its_pages_within_thirty_megabytes(files):
     assert sorted(name for name in files if name.endswith(".html")) == sorted([*PAGES, "demo.html"])
-    assert sum(map(len, files.values())) <= 15_000_000
+    assert sum(map(len, files.values())) <= 30_000_000
+
+
+def test_what_the_report_links_is_there_as_it_is_in_a_clone(files):
+    assert {*site.report.linked()} <= files.keys()
+    assert {"paper/report.pdf", "data/learns.parquet", "homing_lib/publish/curves.py"} <= files.keys()
 
 
 def test_written_a_second_time_it_is_the_same_to_the_byte_and_nothing_of_an_older_one_stays(files, folder):
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == files
+    assert {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.*")} == files
 
 
 def test_from_a_checkout_with_other_ends_of_lines_it_is_the_same(files, monkeypatch):
@@ -102,9 +107,10 @@ def test_a_text_of_the_repository_keeps_its_links_to_what_the_site_has(address, 
         if link.startswith("https:"):
             assert link in kept
         elif target == demo.PAGE or target.suffix in (".ipynb", ".pdf", ".png", ".gif"):
-            name = target.name if target.stem not in NOTEBOOKS else f"{target.stem}.html"
+            name = target.relative_to(site.ROOT).as_posix()
+            name = f"{target.stem}.html" if target.stem in NOTEBOOKS else "demo.html" if target == demo.PAGE else name
             assert name + sign + place in kept, link
-    assert {"report.pdf", "teaching.html", "demo.html"} <= kept
+    assert {"paper/report.pdf", "teaching.html", "demo.html"} <= kept
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

@@ -274,7 +274,7 @@ def numbers(latex: bool) -> None:
         print(report.latex())
         return
     _list(prose.update())
-    for line in [*prose.broken(), *prose.unpinned()]:
+    for line in prose.broken():
         print(f"homing: {line}", file=sys.stderr)
 
 

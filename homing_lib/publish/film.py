@@ -33,11 +33,6 @@ FRAMES_PER_SECOND = 3
 FRAMES = 92  # at most, whatever an episode takes
 HOLD = 6  # more, for which the last one stands
 
-NO_CAMERA = (
-    "a film is rendered, and needs PyBullet, which is not installed: `pip install pybullet` builds it (some minutes "
-    "where there is no wheel, and a C++ compiler)"
-)
-
 _KINDS = {
     # One palette and no dithering: frames stay small, and equal where nothing moves.
     ".gif": ("gif", 100, ["-filter_complex", "split [a][b]; [a] palettegen [p]; [b][p] paletteuse=dither=none"]),
@@ -56,7 +51,10 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     poses that the run has kept. Raises UserError in one line for what cannot be.
     """
     if not camera_available():
-        raise UserError(NO_CAMERA)
+        raise UserError(
+            "a film is rendered, and needs PyBullet, which is not installed: `pip install pybullet` builds it (some "
+            "minutes where there is no wheel, and a C++ compiler)"
+        )
     from homing_lib.arena import Arena
 
     number = settings.episodes if episode is None else episode
@@ -72,18 +70,20 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
         result = _run(settings, seed)
         if len(result.lengths) < number:
             raise UserError(f"--episode {number}: the run diverged in episode {result.diverged}")
-        writer = FFMpegWriter(FRAMES_PER_SECOND, codec, extra_args=options + _SAME_BYTES)
         ffmpeg = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
         with Arena(room, settings) as arena, house_style(_LARGER | ffmpeg):
             scene = Scene(arena, result, sorted({1, number}))
             steps = timetable([len(one.poses) - 1 for one in scene.episodes])
+            writer = FFMpegWriter(FRAMES_PER_SECOND, codec, extra_args=options + _SAME_BYTES)
             try:
-                with writer.saving(scene.figure, part, dpi):
+                # Absolute, since ffmpeg takes run-10:30.gif for an address, and what begins with - for an option.
+                with writer.saving(scene.figure, part.absolute(), dpi):
                     for step in tqdm([*steps, *steps[-1:] * HOLD], f"film of episode {number}", unit="frame"):
                         scene.draw(step)
                         writer.grab_frame()
-            except CalledProcessError:
-                raise UserError(f"{path}: cannot be written (ffmpeg stopped; is the disk full?)") from None
+            except CalledProcessError as error:
+                why = error.stderr.strip() or f"ended with code {error.returncode}"
+                raise UserError(f"{path}: cannot be written (ffmpeg: {why})") from None
 
 
 def timetable(lengths: Sequence[int], frames: int = FRAMES) -> list[int]:

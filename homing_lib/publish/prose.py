@@ -54,25 +54,24 @@ def refreshed(text: str) -> str:
     return _MARKED.sub(lambda mark: f"<!--n {mark[1]}-->{number(mark[1])}<!--/n-->", text)
 
 
-def macros(sources: Mapping[str, str]) -> dict[str, str]:
-    """What \\num needs for the numbers that some LaTeX sources name: the text of each."""
-    names = sorted({name for text in sources.values() for name in _quoted(text)})
-    return {name: tex(number(name)) for name in names}
+def macros() -> dict[str, str]:
+    """What \\num needs for the numbers of report and lectures: the text of each."""
+    names = {name for path in LATEX for name in _quoted(path.read_text(encoding="utf-8"))}
+    return {name: tex(number(name)) for name in sorted(names)}
 
 
-def _quoted(text: str) -> tuple[str, ...]:
+def _quoted(text: str) -> list[str]:
     """The names of the numbers in a text, of Markdown or LaTeX."""
-    found = (*(name for name, _ in _MARKED.findall(text)), *_IN_TEX.findall(text))
-    return tuple(" ".join(name.split()) for name in found)
+    return [" ".join(name.split()) for name in (*(mark[0] for mark in _MARKED.findall(text)), *_IN_TEX.findall(text))]
 
 
 class Paragraph(NamedTuple):
-    """A paragraph of prose, where it stands, the verdicts that it rests on, and the numbers that it quotes."""
+    """A paragraph of prose: where it stands, how it begins, the verdicts it rests on, the comparisons it quotes."""
 
     where: str
-    text: str
+    begins: str
     pins: dict[str, str]
-    numbers: tuple[str, ...]
+    quoted: list[str]
 
 
 def paragraphs() -> Iterator[Paragraph]:
@@ -94,35 +93,25 @@ def _of_text(where: str, text: str) -> Iterator[Paragraph]:
                 if not equals:
                     raise UserError(f"{where}: pin {pin.strip()!r} must be a verdict's name, =, and its word")
                 pins[key] = word
-        quoted = _quoted(part)
+        quoted = [name.partition("|")[0] for name in _quoted(part)]
         if pins or quoted:
-            yield Paragraph(where, part, pins, quoted)
+            yield Paragraph(where, " ".join(_PINS.sub("", _MARKED.sub(r"\2", part)).split())[:80], pins, quoted)
 
 
 def broken(words: Mapping[str, str] | None = None) -> list[str]:
-    """Paragraphs whose pins are not what was found, a line each. words: of `findings.verdicts`."""
+    """Paragraphs that rest on what was not found, or quote a comparison that has a word without a pin: a line each.
+
+    words: as `findings.verdicts` has them, which it is by default.
+    """
     words = findings.verdicts() if words is None else words
-    return [
-        f"{one.where}: rests on {key} = {word!r}, found {words.get(key, 'no such verdict')!r}: {_begins(one.text)}"
-        for one in paragraphs()
-        for key, word in one.pins.items()
-        if words.get(key) != word
-    ]
-
-
-def unpinned() -> list[str]:
-    """Paragraphs that quote a comparison which has a word, and do not pin it, a line each."""
-    words = findings.verdicts()
-    return [
-        f"{one.where}: quotes {key} and does not pin it ({words[key]!r}): {_begins(one.text)}"
-        for one in paragraphs()
-        for key in dict.fromkeys(name.partition("|")[0] for name in one.numbers)
-        if key in words and key not in one.pins
-    ]
-
-
-def _begins(text: str) -> str:
-    return " ".join(_PINS.sub("", _MARKED.sub(r"\2", text)).split())[:80]
+    lines = []
+    for one in paragraphs():
+        fallen = [(key, word, words.get(key, "no such verdict")) for key, word in one.pins.items()]
+        what = [f"rests on {key} = {word!r}, found {found!r}" for key, word, found in fallen if word != found]
+        loose = [key for key in dict.fromkeys(one.quoted) if key in words and key not in one.pins]
+        what += [f"quotes {key} and does not pin it ({words[key]!r})" for key in loose]
+        lines += [f"{one.where}: {each}: {one.begins}" for each in what]
+    return lines
 
 
 def update() -> list[Path]:

@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from homing_lib.features import bins_per_channel
-from homing_lib.publish import prose
+from homing_lib.publish import prose, where
 from homing_lib.publish.tex import escaped, row, tex
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
@@ -60,17 +60,19 @@ def latex() -> str:
         for is_claim in (True, False)
     }
     table_one, others = tables_of_settings()
+    figures = where.reported()
     tables = {
         "tableClaims": verdicts[True],
         "tableQuestions": verdicts[False],
         "tableErrata": map(_erratum, errata.ERRATA),
         "tableOne": table_one,
         "tableSettings": others,
+        "tableFigures": [_figure(name, one) for name, one in figures.items()],
     }
     macros = numbers(headline.stored()) | {name: "\n".join(rows) for name, rows in tables.items()}
-    quoted = prose.macros({path.name: path.read_text(encoding="utf-8") for path in prose.LATEX})
-    named = {f"num:{name}": text for name, text in quoted.items()}
+    named = {f"num:{name}": text for name, text in prose.macros().items()}
     named |= {f"found:{one.name}": tex(one.verdict) for one in stored}
+    named |= {f"made:{name}": _made(one) for name, one in figures.items()}
     return "\n".join(
         [
             *(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items()),
@@ -82,6 +84,35 @@ def latex() -> str:
 def _erratum(one: errata.Erratum) -> str:
     """A row: name, where, what is printed and why it cannot stand, how it is read here and what that does."""
     return row(one.name, one.where, f"{one.printed}. {one.wrong}.", f"{one.reading}. {errata.effect(one)}".strip())
+
+
+def _figure(name: str, figure: where.Drawn) -> str:
+    """A row: the figure, what draws it, the notebook's cell, and the tables; all are links to their files."""
+    notebook, function = figure.notebook.stem, figure.function
+    cells = [
+        f"\\hypertarget{{made:{name}}}{{\\ref{{fig:{name}}}}}",
+        _file(where.file_of(function), f"{function.__module__.rpartition('.')[2]}.{function.__name__}"),
+        f"{_file(f'notebooks/executed/{notebook}.ipynb', notebook)}, {escaped(figure.cell)}",
+        ", ".join(_file(where.stored_in(study), study.name) for study in figure.studies) or "computed in the notebook",
+    ]
+    return " & ".join(cells) + r" \\"
+
+
+def _made(figure: where.Drawn) -> str:
+    """The end of a caption: the notebook, and the first data sets."""
+    names = [study.name for study in figure.studies]
+    data = ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
+    return escaped(f"{figure.notebook.stem}, data {data}" if names else figure.notebook.stem)
+
+
+def _file(path: str, text: str) -> str:
+    return f"\\file{{{path}}}{{{escaped(text)}}}"
+
+
+def linked() -> list[str]:
+    """The files that the report's links lead to, from the root of the repository."""
+    sources = (latex(), prose.LATEX[0].read_text(encoding="utf-8"))
+    return sorted({path for text in sources for path in re.findall(r"\\file{([^}#]*)}", text)})
 
 
 def numbers(h: Headline) -> dict[str, str]:

@@ -24,7 +24,7 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish import demo
+from homing_lib.publish import demo, report
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
 from homing_lib.publish.where import draws, imports, looked_up
 from homing_lib.settings import Settings
@@ -41,7 +41,7 @@ DOORS = (
     ("index.html", "Home"),
     ("demo.html", "Play"),
     ("teaching.html", "Teach"),
-    ("report.pdf", "Report"),
+    ("paper/report.pdf", "Report"),
     ("claims.html", "Claims"),
     ("errata.html", "Errata"),
     ("model.html", "Model"),
@@ -84,7 +84,8 @@ def build() -> dict[str, bytes]:
             around = {"before": ends[place - 1], "after": ends[place + 1], "folded": place > LESSONS}
             files |= converted(notebook, address, partial(links.from_folder, NOTEBOOKS), **around)
     return files | {
-        path.name: text(path).encode() if path.suffix == ".ipynb" else content(path) for path in links.copied
+        path.relative_to(ROOT).as_posix(): text(path).encode() if path.suffix == ".ipynb" else content(path)
+        for path in links.copied
     }
 
 
@@ -103,14 +104,16 @@ def text(path: Path) -> str:
 
 
 class Links:
-    """Where the links of the repository lead on the site. copied: the files beside its pages, as they are met."""
+    """Where the links of the repository lead on the site. copied: the files that come along, at the same place as in
+    the repository: what pages link to, as it is met, and the report with all that it links to.
+    """
 
     def __init__(self, notebooks: Iterable[str]) -> None:
         self.pages = {source: address for address, source in TEXTS.items()} | {demo.PAGE: "demo.html"}
         for address in notebooks:
             for folder in (NOTEBOOKS, NOTEBOOKS / "executed"):
                 self.pages[folder / address.replace(".html", ".ipynb")] = address
-        self.copied = {ROOT / "paper" / "report.pdf"}
+        self.copied = {ROOT / name for name in ("paper/report.pdf", *report.linked())}
 
     def from_folder(self, folder: Path, url: str) -> str:
         """The address on the site of what a page in this folder links to; "" for what the site does not have."""
@@ -123,7 +126,7 @@ class Links:
         if path.suffix not in COPIED:
             return ""
         self.copied.add(path)
-        return path.name
+        return path.relative_to(ROOT).as_posix()
 
 
 class Renderer(IPythonRenderer):

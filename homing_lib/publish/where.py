@@ -7,7 +7,7 @@ name that a later one reads.
 import ast
 import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -44,7 +44,7 @@ class Drawn(NamedTuple):
     @property
     def function(self) -> Any:
         """What draws it."""
-        return next(function for _, function in self.calls() if draws(function))
+        return next(inspect.unwrap(function) for _, function in self.calls() if draws(function))
 
     @property
     def asked(self) -> list[str]:
@@ -54,49 +54,66 @@ class Drawn(NamedTuple):
 
     @property
     def studies(self) -> list[Study]:
-        """The studies that it shows, itself or through what was found about its questions."""
+        """The studies that it shows: those that its cell reads, then those of its questions."""
         named = [node for part in self.statements for node in ast.walk(part) if isinstance(node, ast.expr)]
         shown_ = [looked_up(node, self.imported) for node in named]
         shown_ += [one for name in self.asked for one in findings.questions()[name].studies]
         made = [one() if isinstance(one, Later) else one for one in shown_ if isinstance(one, Study | Later)]
-        return sorted({one.name: one for one in made}.values(), key=lambda one: one.name)
+        return list({one.name: one for one in made}.values())
 
 
 def origin(name: str) -> str:
     """What made a figure, as text. name: as in figures/, its beginning, or its number in the report. UserError."""
-    every = drawn()
-    report = LATEX[0].read_text(encoding="utf-8")
-    in_report = re.findall(r"^\\(?:drawn(?:\[\w+\])?{([\w-]+)}|begin{figure})", report, re.M)  # "": typeset there
-    name = _named(name, every, in_report)
-    figure = every[name]
-    function = inspect.unwrap(figure.function)
-    file, line = Path(function.__code__.co_filename).relative_to(ROOT), function.__code__.co_firstlineno
-    number = f", Figure {in_report.index(name) + 1} of the report" if name in in_report else ""
+    every, numbered = drawn(), in_report()
+    name = _named(name, every, numbered)
+    figure, function = every[name], every[name].function
+    number = f", Figure {numbered.index(name) + 1} of the report" if name in numbered else ""
     lines = [
         f"{name}: figures/{name}.pdf and .png{number}",
         f"  cell      {figure.cell} of {figure.notebook.relative_to(ROOT)}; `homing notebook {figure.notebook.stem}`",
-        f"  drawn by  {function.__name__} in {file}, line {line}",
+        f"  drawn by  {function.__name__} in {file_of(function)}, line {function.__code__.co_firstlineno}",
     ]
-    for one in figure.asked:
-        judge = Path(inspect.unwrap(findings.questions()[one].judge).__code__.co_filename).relative_to(ROOT)
-        lines.append(f"  judged in {judge}; `homing claims {one}`")
+    for asked in figure.asked:
+        lines.append(f"  judged in {file_of(findings.questions()[asked].judge)}; `homing claims {asked}`")
     for study in figure.studies:
-        place = (study.table if study.measure else study.folder).relative_to(ROOT)
         scope = f"{len(study)} runs, seeds {min(study.seeds)} to {max(study.seeds)}"
-        lines.append(f"  data      {place}: {scope}; `homing data {study.name}`")
+        lines.append(f"  data      {stored_in(study)}: {scope}; `homing data {study.name}`")
     return "\n".join(lines if figure.studies else [*lines, "  data      computed in the notebook"])
 
 
-def _named(name: str, every: dict[str, Drawn], in_report: Sequence[str]) -> str:
-    if name in every:
-        return name
-    for begun in every:
-        if begun.startswith(f"{name}-") and name.startswith("fig"):
-            return begun
-    if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(in_report):
-        if not (drawn_there := in_report[int(number[1]) - 1]):
+def file_of(function: Any) -> str:
+    """Where a function is defined, from the root of the repository."""
+    return Path(inspect.unwrap(function).__code__.co_filename).relative_to(ROOT).as_posix()
+
+
+def stored_in(study: Study) -> str:
+    """The table of a study, or the manifest of its complete runs, from the root of the repository."""
+    return (study.table if study.measure else study.manifest).relative_to(ROOT).as_posix()
+
+
+def in_report() -> list[str]:
+    """The names of the report's figures, in order; "" for one that is typeset there."""
+    report = LATEX[0].read_text(encoding="utf-8")
+    return re.findall(r"^\\(?:drawn(?:\[\w+\])?{([\w-]+)}|begin{figure})", report, re.M)
+
+
+def reported() -> dict[str, Drawn]:
+    """The figures of the report that are drawn, in order, by name. Raises UserError for one that no notebook saves."""
+    every, names = drawn(), [name for name in in_report() if name]
+    for name in names:
+        if name not in every:
+            raise UserError(f"{LATEX[0]}: no notebook saves a figure {name!r}{nearest(name, every)}")
+    return {name: every[name] for name in names}
+
+
+def _named(name: str, every: Mapping[str, Drawn], numbered: Sequence[str]) -> str:
+    begun = [one for one in every if one == name or (name.startswith("fig") and one.startswith(f"{name}-"))]
+    if begun:
+        return begun[0]
+    if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(numbered):
+        if not (there := numbered[int(number[1]) - 1]):
             raise UserError(f"figure {shown(name)}: it is typeset in {LATEX[0]}, from no data")
-        return drawn_there
+        return there
     raise UserError(f"figure {shown(name)}: no notebook draws it; there are {', '.join(every)}{nearest(name, every)}")
 
 
