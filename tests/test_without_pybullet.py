@@ -69,6 +69,7 @@ REFUSED = {
     "atlas": ("report(lambda: open_atlas(PAPER, Settings(images='atlas'), Path('nowhere')))", REMEDY),
     "rendering": ("env.reset(); report(env.render)", REMEDY),
     "film": ("main(['film'])", REMEDY[:2]),  # of which none could be made on the compact atlas
+    "verify": ("main(['verify'])", REMEDY[:2]),
 }
 
 
