@@ -28,12 +28,12 @@ def main(folder: str, lock: str | None = None) -> None:
         pip(python, environment, *options, "-r", lock)
         pip(python, environment, "--no-deps", "--no-build-isolation", "-e", ".")
     else:
-        without = (
-            ""
-            if wheel
-            else ". There is no PyBullet for this Python: nothing is rendered, and robots learn on a table of views"
-        )
-        print(f"{folder}: some 400 MB of packages are installed, in some minutes{without}", flush=True)
+        print(f"{folder}: some 400 MB of packages are installed, in some minutes", flush=True)
+        if not wheel:
+            print(
+                "There is no PyBullet for this Python: nothing is rendered, and robots learn on a table of views",
+                flush=True,
+            )
         pip(python, environment, "-e", ".")
     # Where the package stands, seen from there. pip writes the whole path, which Python cannot read under LC_ALL=C if
     # it holds an accent, and which leads a copied folder to the library that it was copied from.
@@ -44,7 +44,7 @@ def main(folder: str, lock: str | None = None) -> None:
 
 def only_sources(python: Path) -> dict[str, str]:
     """The environment variables for pip, with what the user has set of SOURCES in files or variables."""
-    listed = subprocess.run([python, "-m", "pip", "config", "list"], stdout=subprocess.PIPE, text=True, check=True)
+    listed = subprocess.run([python, "-m", "pip", "config", "list"], stdout=subprocess.PIPE, text=True, check=False)
     known = dict(line.split("=", 1) for line in listed.stdout.splitlines())
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
     for section in ("global", "install", ":env:"):
@@ -55,9 +55,13 @@ def only_sources(python: Path) -> dict[str, str]:
 
 
 def pip(python: Path, environment: dict[str, str], *options: str) -> None:
-    if subprocess.run([python, "-m", "pip", "install", "-qq", *options], env=environment, check=False).returncode:
-        sys.exit("homing: the packages could not be installed; see above")
+    subprocess.run([python, "-m", "pip", "install", "-qq", *options], env=environment, check=True)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    try:
+        main(*sys.argv[1:])
+    except subprocess.CalledProcessError:
+        sys.exit("homing: the environment could not be made; see above")
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -40,7 +40,7 @@ ENDLESS = [*HOMING, *RUN, "--set=episodes=100000"]
         (["run", "--seed", "first"], ("--seed", "first", "`homing run --help`")),
         (["run", "--seed=-1"], ("--seed", "-1", "0<=x")),
         (["run", "--seed", "9" * 5000], ("--seed", "`homing run --help`")),
-        (["run", "--sed", "1"], ("--sed", "'--seed'")),
+        (["run", "--sed", "1"], ("--sed", "--seed")),
         (["run", "--out"], ("--out",)),
         (["run", "--out", "\0"], ("?", "another name")),
         (["film", "--episode", "1.5"], ("--episode", "1.5")),
