@@ -228,15 +228,12 @@ def test_installed_without_its_repository_the_package_says_in_one_line_what_is_m
 # --- Streams and interruptions ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", ["settings", "studies", "summary", "claims", "errata", "where 1", "--help"])
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_an_output_of_any_encoding_takes_what_is_printed(command, encoding, monkeypatch):
-    for name in ("stdout", "stderr"):
-        monkeypatch.setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding, newline=""))
-    assert main(command.split()) == 0
-    printed = sys.stdout.buffer.getvalue().decode(encoding)
-    assert len(printed) > 50
-    assert ("λ" in printed) is False
+def test_an_output_of_any_encoding_takes_what_is_printed(encoding, monkeypatch):
+    monkeypatch.setattr("homing_lib.publish.report.summary", lambda: "λ varies")
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding, newline=""))
+    assert main(["summary"]) == 0
+    assert sys.stdout.buffer.getvalue() == b"\\u03bb varies\n"
 
 
 @pytest.mark.parametrize(
