@@ -17,6 +17,7 @@ from homing_lib.study import errata, findings, studies
 from homing_lib.study.errata import ERRATA
 from homing_lib.study.findings import Comparison
 from homing_lib.study.questions import printed
+from homing_lib.study.theorem import distance_from_cg
 from homing_lib.td import LinearTD
 from homing_lib.thresholds import stopping_thresholds
 
@@ -191,6 +192,16 @@ def test_without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_aft
     delta = steps[in_first, STEP_COLUMNS.index("delta")]
     told = np.array(seen[: len(delta) - 1])
     np.testing.assert_array_equal(told[:, 1], delta[:-1])
+
+
+def test_the_first_reset_of_lambda_ends_the_equivalence_with_conjugate_gradient():
+    """E23: `first` is the step of it."""
+    rng = np.random.default_rng(1)
+    found = distance_from_cg(rng.standard_normal((13, 5)), rng.standard_normal(12))
+    at = found.first - 1
+    assert at > 0 and not 0 <= found.ratio[at] <= 1
+    assert found.free.max() < 1e-9
+    assert found.reset[:at].max() < 1e-9 < found.reset[at]
 
 
 @pytest.mark.parametrize(("bin_size", "empty"), [(3, False), (4, True), (6, True), (10, True), (12, False), (16, True)])
