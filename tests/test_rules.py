@@ -35,7 +35,7 @@ def lengths(settings, **how):
 
 def test_rules_and_agents_are_run_with_every_seed_as_each_would_be_alone():
     agents = {"climb": ClimbingAgent, "mine": Forwards}
-    compared = rules.compare(FORM_2 | {"zero": Fixed(0)}, [3, 4], TINY, agents=agents)
+    compared = rules.compare(FORM_2 | {"zero": "fixed:0"}, [3, 4], TINY, agents=agents)
     alone = {"form 2": lengths(TINY), "zero": lengths(TINY.with_changes(lambda_rule="fixed:0"))}
     alone |= {"climb": lengths(TINY.with_changes(controller="climb")), "mine": lengths(TINY, agent=Forwards)}
     assert [*compared.steps] == [*alone]
@@ -95,7 +95,9 @@ def by_halves(alpha0, seed, agent):
 
 def test_each_drives_with_the_step_size_that_was_best_on_seeds_that_do_not_judge_it(driven):
     seen = driven(by_halves)
-    compared = rules.compare({"rule": Fixed(0)}, range(200, 203), agents={"agent": Forwards}, step_sizes=(0.1, 0.2, 0.4))
+    compared = rules.compare(
+        {"rule": Fixed(0)}, range(200, 203), agents={"agent": Forwards}, step_sizes=(0.1, 0.2, 0.4)
+    )
     assert compared.step_size == {"rule": 0.2, "agent": 0.4}
     assert {size for seed, size in seen if seed < 20} == {0.1, 0.2, 0.4}
     assert sum(20 <= seed < 100 for seed, _ in seen) == 2 * 2 * 80
@@ -177,11 +179,17 @@ def test_a_mistake_in_a_rule_is_told_whoever_runs_it():
         (FORM_2, [3], {}, r"seeds = \[3\]: one robot says nothing of how robots differ; give two or more"),
         (FORM_2, 3, {}, r"seeds = 3: must be a list or range of 0, 1, 2, ..."),
         (FORM_2 | {"half": 0.5}, [0, 1], {}, r"half: lambda_rule = 0.5: .*a lambda rule is a function of the keywords"),
+        (FORM_2 | {"fast": "fixd:1"}, [0, 1], {}, r"fast: unknown lambda rule 'fixd:1'"),
         (FORM_2, [0, 1], {"agents": {"half": 0.5}}, r"half: an agent is made by a function of settings"),
         (FORM_2, [0, 1], {"agents": {"no rng": lambda settings: None}}, r"no rng: .*too many positional"),
         (FORM_2, [0, 1], {"agents": {"made": RandomAgent(TINY, None)}}, r"made: .*not a callable"),
         (FORM_2, [0, 1], {"agents": {"form 2": RandomAgent}}, r"form 2: .*label of its own"),
-        (FORM_2, [98, 99, 100], {"step_sizes": (0.1,)}, r"seeds = \[98, 99, 100\]: .* on some of them; judge on others"),
+        (
+            FORM_2,
+            [98, 99, 100],
+            {"step_sizes": (0.1,)},
+            r"seeds = \[98, 99, 100\]: .* on some of them; judge on others",
+        ),
         (FORM_2, [5, 6], {"step_sizes": (0.1,), "choose": [6]}, r"seeds = \[5, 6\]: .* on some of them"),
         (FORM_2, [200, 201], {"step_sizes": 0.1}, r"step_sizes = 0.1: must be a list of numbers"),
         (FORM_2, [200, 201], {"step_sizes": (0, 1)}, r"setting alpha0 = 0.0: "),
@@ -189,7 +197,7 @@ def test_a_mistake_in_a_rule_is_told_whoever_runs_it():
 )
 def test_before_any_run_what_cannot_be_compared_is_refused_in_one_line(rules_, seeds, more, told, monkeypatch):
     monkeypatch.setattr(rules, "run", None)
-    with pytest.raises((UserError, TypeError), match=f"^{told}") as refusal:
+    with pytest.raises((UserError, TypeError, ValueError), match=f"^{told}") as refusal:
         rules.compare(rules_, seeds, TINY, **more)
     assert "\n" not in str(refusal.value)
 

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from homing_lib.agent import AgentFactory
+from homing_lib.agent import AgentFactory, Run
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
-from homing_lib.lambdas import LambdaRule, checked
+from homing_lib.lambdas import LambdaRule, checked, lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import iqm
 from homing_lib.study.engine import compiles, run, side_by_side
@@ -132,7 +132,7 @@ def steps_at_random(settings: Settings) -> float:
 
 
 def compare(
-    rules: Mapping[str, LambdaRule],
+    rules: Mapping[str, LambdaRule | str],
     seeds: Sequence[int] | None = None,
     settings: Settings | None = None,
     *,
@@ -142,14 +142,15 @@ def compare(
 ) -> Rules:
     """Run every rule with every seed, and other learners.
 
-    agents: by label, what makes a learner of settings and rng, such as a class (`agent.Agent`); it is to begin with the
-    step size `settings.alpha0`. step_sizes: each drives with the one of them that takes the fewest steps on the seeds
-    `choose`, an episode cut at `CUT`; without, all have that of the settings. seeds: by default 10000 to 10999 if all
-    can be compiled, else to 10099. settings: by default the paper's robot on the compact atlas. A run that diverges
-    counts as `max_steps` steps in each episode that it did not finish.
+    rules: by label, a function or a name such as "fixed:0.9" (`lambdas.lambda_spec`). agents: by label, what makes a
+    learner of settings and rng, such as a class (`agent.Agent`); it is to begin with the step size `settings.alpha0`.
+    step_sizes: each drives with the one of them that takes the fewest steps on the seeds `choose`, an episode cut at
+    `CUT`; without, all have that of the settings. seeds: by default 10000 to 10999 if all can be compiled, else to
+    10099. settings: by default the paper's robot on the compact atlas. A run that diverges counts as `max_steps` steps
+    in each episode that it did not finish.
 
     Before any run, raises UserError for seeds that are none, only one, or among those that choose, and for a label that
-    stands twice; TypeError, which names the label, for what is no rule, or makes no agent.
+    stands twice; TypeError or ValueError, which names the label, for what is no rule, or makes no agent.
     """
     settings, agents = settings or Settings(images="compact"), agents or {}
     driven = _learners(rules, agents)
@@ -163,7 +164,7 @@ def compare(
         raise UserError(f"seeds = {shown(seeds)}: step sizes are chosen on some of them; {remedy}")
     candidates = {label: [settings.with_changes(alpha0=size) for size in sizes] or [settings] for label in driven}
 
-    runs = {label: partial(run, lambda_rule=rule) for label, rule in rules.items()}
+    runs: dict[str, Callable[[Settings, int], Run]] = {label: partial(_run, rule) for label, rule in rules.items()}
     runs |= {label: partial(run, agent=makes) for label, makes in agents.items()}
 
     def steps_of(those: Sequence[Candidate], seeds: Sequence[int]) -> Array:
@@ -197,17 +198,28 @@ def _best(
     return left
 
 
-def _learners(rules: Mapping[str, LambdaRule], agents: Mapping[str, AgentFactory]) -> dict[str, Any]:
-    """All of them. Raises UserError for a label that stands twice, TypeError, which names it, for what is neither."""
+def _learners(rules: Mapping[str, LambdaRule | str], agents: Mapping[str, AgentFactory]) -> dict[str, Any]:
+    """By label, the functions of the rules, and what makes the agents. Raises as `compare` does."""
     for label in agents:
         if label in rules:
             raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
-    for label, one in {**rules, **agents}.items():
+    found: dict[str, Any] = {**rules, **agents}
+    for label, one in found.items():
         try:
-            checked(one) if label in rules else _makes_agent(one)
-        except TypeError as error:
-            raise TypeError(f"{label}: {error}") from None
-    return {**rules, **agents}
+            if label in agents:
+                _makes_agent(one)
+            else:
+                found[label] = lambda_spec(one).rule if isinstance(one, str) else checked(one)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{label}: {error}") from None
+    return found
+
+
+def _run(rule: LambdaRule | str, settings: Settings, seed: int) -> Run:
+    """A run with a rule. A name, unlike a function, also says what becomes of a lambda that is undefined or outside."""
+    if isinstance(rule, str):
+        return run(settings.with_changes(lambda_rule=rule), seed)
+    return run(settings, seed, rule)
 
 
 def _sizes(step_sizes: Any) -> tuple[float, ...]:
