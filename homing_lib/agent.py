@@ -15,11 +15,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from homing_lib import lambdas
 from homing_lib.environment import HomingEnv, seed_of
-from homing_lib.errors import UserError, shown
+from homing_lib.errors import UserError, misfit, shown
 from homing_lib.features import Array, HomeModel, similarity
-from homing_lib.lambdas import LambdaRule
+from homing_lib.lambdas import AnyRule, LambdaRule, lambda_spec, name_of
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa, silent
 from homing_lib.settings import Settings
@@ -81,21 +80,20 @@ AgentFactory = Callable[[Settings, np.random.Generator], Agent]
 class SarsaAgent:
     """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images.
 
-    lambda_rule: a function to use in place of the settings' rule. For another schedule of step size and exploration,
-    derive from it and override `rates`.
+    lambda_rule: a function, or a name, in place of the settings' rule and its options. For another schedule of step
+    size and exploration, derive from it and override `rates`.
     """
 
-    def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: LambdaRule | None = None) -> None:
+    def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: AnyRule | None = None) -> None:
         self.settings, self.rng = settings, rng
         self.epsilon, self.temperature = settings.epsilon0, settings.tau0
-        spec = lambdas.lambda_spec(settings.lambda_rule)
-        rule = spec.rule if lambda_rule is None else lambdas.checked(lambda_rule)
+        spec = lambda_spec(settings.lambda_rule if lambda_rule is None else lambda_rule)
         self.learner = LinearSarsa(
             settings.n_features,
             3,
             step_size=settings.alpha0,
             discount=settings.discount,
-            lambda_rule=Overwritten(rule) if settings.overwrite_features else rule,
+            lambda_rule=Overwritten(spec.rule) if settings.overwrite_features else spec.rule,
             initial_weight=settings.theta0,
             clip=spec.clip,
             on_zero=spec.on_zero,
@@ -177,7 +175,7 @@ class Overwritten:
         return self.rule(**{**step, "phi_prev": step["phi"]})
 
     def __str__(self) -> str:
-        return lambdas.name_of(self.rule)
+        return name_of(self.rule)
 
 
 @silent
@@ -261,7 +259,7 @@ class Run:
 def run(
     settings: Settings,
     seed: int,
-    lambda_rule: LambdaRule | None = None,
+    lambda_rule: AnyRule | None = None,
     after_episode: Callable[[int], object] = lambda number: None,
     afterwards: Callable[[HomingEnv, Any], object] = lambda env, agent: None,
     *,
@@ -272,16 +270,15 @@ def run(
     """The whole experiment, fixed to the bit by settings and seed.
 
     agent: makes another `Agent` than the settings' `controller`; the settings' learning (alpha0, lambda_rule, ...) is
-    then its own affair. lambda_rule: a function of one's own in place of the settings' rule. Of neither does the run
-    keep a note. after_episode is called with 1, 2, ... for progress; afterwards with the world and the trained agent,
-    before both are gone (not if the run diverged). survey, episodes: what does the work, `survey` and `run_episodes` or
-    others that do the same (`study.engine`).
+    then its own affair. lambda_rule: a function of one's own, or a name, in place of the settings' rule. Of neither
+    does the run keep a note. after_episode is called with 1, 2, ... for progress; afterwards with the world and the
+    trained agent, before both are gone (not if the run diverged). survey, episodes: what does the work, `survey` and
+    `run_episodes` or others that do the same (`study.engine`).
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
-    make = _factory(settings, lambda_rule, agent)
+    driver = _driver(settings, np.random.default_rng(agent_seed), lambda_rule, agent)
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
-        driver = _three_methods(make(settings, np.random.default_rng(agent_seed)))
         env.surveyed(survey)
         env.reset(seed=int(world_seed.generate_state(1)[0]))
         result = Run(settings, seed, *episodes(env, driver, settings.episodes, after_episode))
@@ -290,34 +287,27 @@ def run(
     return result
 
 
-def _factory(settings: Settings, lambda_rule: LambdaRule | None, agent: AgentFactory | None) -> AgentFactory:
-    """What makes the agent. Raises UserError for a rule that it would not use, and for what makes none."""
-    if agent is not None and lambda_rule is not None:
-        raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
-    if agent is not None:
-        _require_call("agent", agent, "settings", "rng")
-        return agent
+def _driver(
+    settings: Settings, rng: np.random.Generator, lambda_rule: AnyRule | None, factory: AgentFactory | None
+) -> Agent:
+    """Who drives. Raises UserError, in one line, for a rule that would not be used, and for what makes no `Agent`."""
     if lambda_rule is not None:
+        if factory is not None:
+            raise UserError("lambda_rule: an agent that is passed in has its own; pass one of the two")
         if settings.controller != "sarsa":
             raise UserError(f"lambda_rule: controller = {settings.controller!r} has no use for one; 'sarsa' has")
-        return partial(SarsaAgent, lambda_rule=lambda_rule)
-    return AGENTS[settings.controller]
-
-
-def _three_methods(agent: Agent) -> Agent:
-    """The agent itself. Raises UserError, in one line, if it lacks one of the three methods of `Agent`."""
+        factory = partial(SarsaAgent, lambda_rule=lambda_rule)
+    factory = AGENTS[settings.controller] if factory is None else factory
+    _require_call("agent", factory, "settings", "rng")
+    driver = factory(settings, rng)
     for name in ("begin_episode", "choose", "learn"):
         takes = [parameter for parameter in signature(getattr(Agent, name)).parameters if parameter != "self"]
-        _require_call(f"agent: {name} of {type(agent).__name__}", getattr(agent, name, None), *takes)
-    return agent
+        _require_call(f"agent: {name} of {type(driver).__name__}", getattr(driver, name, None), *takes)
+    return driver
 
 
 def _require_call(what: str, function: Any, *takes: str) -> None:
     """Raises UserError, which says what, unless a function takes as many arguments."""
-    try:
-        signature(function).bind(*takes)
-    except TypeError as error:
+    if wrong := misfit(function, *takes):
         call = f"{shown(function)} must be callable with ({', '.join(takes)})"
-        raise UserError(f"{what}: {call}: {error}; `homing_lib.agent.Agent` says what an agent is") from None
-    except ValueError:
-        pass  # one of C, which keeps its signature to itself
+        raise UserError(f"{what}: {call}: {wrong}; `homing_lib.agent.Agent` says what an agent is")

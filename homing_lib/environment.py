@@ -9,6 +9,7 @@ from typing import Any, Literal
 import cv2
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 from homing_lib import atlas
 from homing_lib.errors import UserError, shown
@@ -21,8 +22,7 @@ from homing_lib.survey import free_pose, survey
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[tuple[Any, ...], HomeModel] = {}  # of this process, by all that they depend on
-_ELSEWHERE: set[tuple[Any, ...]] = set()  # those, with a threshold, for which home is known not to be everywhere
+_SURVEYS: dict[tuple[Any, ...], HomeModel] = {}  # of this process, by all that they depend on, and the threshold
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
@@ -97,6 +97,24 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     | `reflex`     | int   | the action that the next step will drive whatever is commanded; -1 without reflex |
     | `at_wall`    | bool  | stopped by an obstacle in this step, or turning away from it                      |
 
+    ## In comparison with the published learner
+
+    `homing_lib.agent.run(settings, seed, agent=...)` gives any object with three methods the same run as the published
+    one. To compare fairly a learner that drives this environment by itself, say in which of these it differs:
+
+    | what    | of `agent.run(settings, seed)`                                                                        |
+    |---------|-------------------------------------------------------------------------------------------------------|
+    | seeds   | `survey, agent, world = numpy.random.SeedSequence(seed).spawn(3)`: the first is `survey_seed` (0 here |
+    |         | by default, so that all robots know home equally well), the second is the learner's own; the third    |
+    |         | seeds the world: `reset(seed=int(world.generate_state(1)[0]))`, and a further `reset()` each episode  |
+    | start   | the room's, in every episode, unless `start` is "uniform"                                             |
+    | home    | is valued like any other view (`bootstrap_terminal`): it looks ahead from the last step of an episode |
+    |         | too, where other learners take 0 if `terminated`                                                      |
+    | rates   | step size and exploration fall from episode to episode (23), from `alpha0` and `epsilon0`             |
+    | values  | begin at n NRB, since all weights begin at `theta0` = 1: far more than a step is paid                 |
+    | credit  | goes to the action driven, `info["action"]`; it learns at walls too (`learn_at_walls`)                |
+    | end     | after `episodes` episodes; one that is `truncated` counts with all of its steps                       |
+
     ## Arguments
 
     ```python
@@ -109,14 +127,17 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ```
 
-    `settings` is a whole `Settings`; any further keyword is one of its fields, e.g. `room="paper"`, `images="atlas"`
+    `settings` is a whole `Settings`; any further keyword is one of its fields (in `make_vec`, whose specification JSON
+    can hold only so, `**settings.model_dump()`), e.g. `room="paper"`, `images="atlas"`
     (histograms from a lattice of poses, tens of thousands of steps a second; features only) or "compact"
     (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
     `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8, 480
-    pixels wide, with home, the path so far and the robot. `close()` frees the simulator.
+    pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are (without,
+    `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -142,7 +163,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if not isinstance(observation, str) or observation not in spaces:
             raise UserError(f"observation = {shown(observation)}: must be one of {', '.join(spaces)}")
         if observation == "image" and settings.images != "camera":
-            raise UserError('observation = "image": an atlas has histograms only; choose "features" or images="camera"')
+            held = f'observation = "image", the default: images = "{settings.images}" holds histograms only'
+            raise UserError(f'{held}; choose observation="features", or images="camera", which needs PyBullet')
         if not isinstance(render_mode, str | None) or render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
@@ -176,6 +198,17 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._robot = Robot(self.world, settings, self.home)
 
     @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium makes another like this from, if it made this one. JSON can hold it: settings are by field."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and isinstance(settings := spec.kwargs.pop("settings", None), Settings):
+            spec.kwargs = {**settings.model_dump(exclude_defaults=True), **spec.kwargs}
+        self._spec = spec
+
+    @property
     def model(self) -> HomeModel | None:
         """What the robot knows of home: None until it has surveyed the room."""
         return self._model
@@ -190,13 +223,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.survey.survey`."""
         if self.model is None:
             seen = repr(self.settings.of_scope("view", "lattice", "survey"))
-            key = seen, self.room.description, self.home, repr(self._survey_seed)
+            key = seen, repr(self.room), self.home, repr(self._survey_seed), self._psi_upper
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
-                _SURVEYS[key] = (by or survey)(self.world, self.settings, self.home, rng)
-            if (*key, self._psi_upper) not in _ELSEWHERE:
-                self._require_elsewhere(_SURVEYS[key])
-                _ELSEWHERE.add((*key, self._psi_upper))
+                model = (by or survey)(self.world, self.settings, self.home, rng)
+                self._require_elsewhere(model)
+                _SURVEYS[key] = model
             self.model = _SURVEYS[key]
         return self.model
 
@@ -241,6 +273,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
             return None
         if self._top_view is None:
+            if not atlas.camera_available():
+                needs = "needs PyBullet (`pip install pybullet`); everything else here runs without it"
+                raise UserError(f"render: the picture of the room from above {needs}")
             from homing_lib import arena
 
             with nullcontext(self._arena) if self._arena else arena.Arena(self.room, self.settings) as world:

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
+from inspect import signature
+from math import isfinite
+from typing import Any, SupportsFloat
 
 RESUMES = "what was finished is kept; the same command resumes from there"  # said of a command that was stopped
 
@@ -24,3 +26,34 @@ def shown(value: Any) -> str:
 def nearest(name: Any, known: Iterable[str]) -> str:
     """ "; did you mean ...?" if one of the known names is much like this one, else nothing."""
     return "".join(f"; did you mean {like}?" for like in get_close_matches(str(name)[:60], list(known), 1))
+
+
+def finite(name: str, value: float) -> float:
+    """The value as a float, or ValueError unless it is finite."""
+    if not isinstance(value, SupportsFloat) or not isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
+    return float(value)
+
+
+def unit_interval(name: str, value: float) -> float:
+    """The value as a float, or ValueError unless it lies in [0, 1]."""
+    if not isinstance(value, SupportsFloat) or not 0 <= value <= 1:
+        raise ValueError(f"{name} must lie in [0, 1], got {shown(value)}")
+    return float(value)
+
+
+def one_of(name: str, value: str, known: tuple[str, ...]) -> None:
+    """ValueError, with the list of what is known, unless the value is in it."""
+    if value not in known:
+        raise ValueError(f"unknown {name} {shown(value)}; known: {', '.join(known)}")
+
+
+def misfit(function: Any, *arguments: Any, **named: Any) -> str:
+    """Why something cannot be called with these arguments, in one line; "" if it can."""
+    try:
+        signature(function).bind(*arguments, **named)
+    except TypeError as error:
+        return " ".join(str(error)[:90].split())
+    except ValueError:
+        pass  # one of C, which keeps its signature to itself
+    return ""

@@ -7,16 +7,15 @@ of what, and what becomes of it. A rule with a name, for settings and the comman
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from inspect import signature
 from math import isfinite
 from operator import neg
-from typing import Any, NamedTuple, Protocol, SupportsFloat, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import ddot as dot  # x^T y as a float, in a third of the time of x @ y; overflow is silent
 
-from homing_lib.errors import nearest, shown
+from homing_lib.errors import misfit, nearest, shown, unit_interval
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +45,8 @@ TAKES_AND_RETURNS = (
 )
 
 Rule = TypeVar("Rule", bound=LambdaRule)
+
+AnyRule = LambdaRule | str  # or its name; `lambda_spec` reads both
 
 RULES: dict[str, LambdaRule] = {}  # those that settings know by name
 
@@ -173,30 +174,39 @@ class Fixed:
         return f"fixed:{_short(self.value)}"
 
 
+# --- Names -----------------------------------------------------------------------------------------------------------
+
+
 class LambdaSpec(NamedTuple):
-    """A learner's settings that concern lambda. str() is their name, which `lambda_spec` reads."""
+    """What a learner is told of lambda. str() is its name, which `rule_named` reads."""
 
     name: str
     rule: LambdaRule
-    on_zero: float
-    clip: bool
+    on_zero: float = 0.0
+    clip: bool = True
 
     def __str__(self) -> str:
         guard = f":on_zero={_short(self.on_zero)}" if self.on_zero else ""
         return f"{self.name}{guard}{'' if self.clip else ':unclipped'}"
 
 
-def lambda_spec(text: str) -> LambdaSpec:
-    """The settings of this name: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
+def lambda_spec(rule: AnyRule) -> LambdaSpec:
+    """The one door for a rule, wherever one is given: by its name, or as a function.
+
+    ValueError, in one line, for a name or an option that does not exist; TypeError for what cannot be called as a rule.
+    """
+    return rule_named(rule) if isinstance(rule, str) else LambdaSpec(name_of(rule), checked(rule))
+
+
+def rule_named(text: str) -> LambdaSpec:
+    """The rule of this name, with its options: "fixed:0.9", "fletcher-reeves", "polak-ribiere:on_zero=1:unclipped".
 
     ValueError, in one line, for a name or an option that does not exist.
     """
     known = f"fixed:<lambda>, {', '.join(RULES)}"
     if not isinstance(text, str):
         others = f"`agent.run` and the learners also take a function: {TAKES_AND_RETURNS}"
-        fixed = isinstance(text, int | float) and 0 <= text <= 1
-        number = f"'fixed:{_short(float(text))}', or any of " if fixed else ""
-        raise ValueError(f"settings name their rule: {number}{known}; {others}")
+        raise ValueError(f"settings name their rule: {known}; {others}")
     name, *options = text.split(":")
     while options and (name == "fixed" or f"{name}:{options[0]}" in RULES):
         name += f":{options.pop(0)}"
@@ -218,32 +228,14 @@ def lambda_spec(text: str) -> LambdaSpec:
 
 def checked(rule: LambdaRule) -> LambdaRule:
     """The rule itself, or TypeError, in one line, for what cannot be called as a rule is."""
-    try:
-        signature(rule).bind(delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0)
-    except TypeError as error:
-        refused = f"lambda_rule = {name_of(rule)}: {' '.join(str(error)[:90].split())}"
-        raise TypeError(f"{refused}; {TAKES_AND_RETURNS}") from None
-    except ValueError:
-        pass  # one of C, which keeps its signature to itself
+    if wrong := misfit(rule, delta=0, phi=0, delta_prev=0, phi_prev=0, trace_prev=0, discount=0):
+        raise TypeError(f"lambda_rule = {name_of(rule)}: {wrong}; {TAKES_AND_RETURNS}")
     return rule
 
 
 def name_of(rule: LambdaRule) -> str:
     """What to call a rule: a function's own name, or what an object says of itself."""
     return " ".join(str(getattr(rule, "__name__", rule))[:60].split())
-
-
-def unit_interval(name: str, value: float) -> float:
-    """The value as a float, or ValueError unless it lies in [0, 1]."""
-    if not isinstance(value, SupportsFloat) or not 0 <= value <= 1:
-        raise ValueError(f"{name} must lie in [0, 1], got {shown(value)}")
-    return float(value)
-
-
-def one_of(name: str, value: str, known: tuple[str, ...]) -> None:
-    """ValueError, with the list of what is known, unless the value is in it."""
-    if value not in known:
-        raise ValueError(f"unknown {name} {shown(value)}; known: {', '.join(known)}")
 
 
 def _short(value: float) -> str:

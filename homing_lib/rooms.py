@@ -2,7 +2,6 @@
 
 import tomllib
 from collections import Counter
-from functools import cached_property
 from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
@@ -114,11 +113,6 @@ class Room:
     home_objects: tuple[str, ...] = ()
     wall_height: _Positive = 0.75
     texture_seed: int = 2014
-
-    @cached_property
-    def description(self) -> str:
-        """All of it as a text, by which two rooms are told apart."""
-        return repr(self)
 
     def __post_init__(self) -> None:
         if {*self.walls} != {*get_args(Wall)}:

@@ -1,8 +1,8 @@
 """The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (1), (17), (18).
 
-    td_error, decayed, dutch    its equations, each to be called by itself
-    LinearSarsa                 Sarsa(lambda_t), on-policy: the update, once
-    LinearQ                     Watkins's Q(lambda_t), off-policy
+    value_of, td_error, decayed, dutch    its equations, each to be called by itself
+    LinearSarsa                           Sarsa(lambda_t), on-policy: the update, once
+    LinearQ                               Watkins's Q(lambda_t), off-policy
 
 Either learner is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
 (actions, n). TD prediction itself (`td`) is the same update with one action.
@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg.blas import ddot as dot
 
-from homing_lib.errors import shown
-from homing_lib.lambdas import TAKES_AND_RETURNS, Array, LambdaRule, checked, name_of, one_of, unit_interval
+from homing_lib.errors import finite, one_of, shown, unit_interval
+from homing_lib.lambdas import TAKES_AND_RETURNS, AnyRule, Array, lambda_spec, name_of
 
 Traces = Literal["accumulating", "dutch"]
 Update = Literal["taken", "all"]
@@ -38,6 +38,14 @@ class Diverged(ArithmeticError):
 
     def __str__(self) -> str:
         return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
+
+
+def value_of(weights: Array, phi: Array, name: str = "phi") -> float:
+    """Eq. (2), theta^T phi. ValueError if phi, called `name`, is not finite; if only the value is not, it diverges."""
+    value: float = dot(weights, phi)
+    if not isfinite(value) and not np.isfinite(phi).all():
+        raise ValueError(f"{name} must be finite, got {phi[~np.isfinite(phi)][0]} among its components")
+    return value
 
 
 def td_error(q_tm1: float, r_t: float, discount: float, q_t: float) -> float:
@@ -68,7 +76,7 @@ class LinearSarsa:
 
     step_size           alpha, may be set between steps
     discount            gamma
-    lambda_rule         see `lambdas.LambdaRule`
+    lambda_rule         see `lambdas.LambdaRule`; or the name of one, such as "fixed:0.9", with its options
     initial_weight      theta_0
     clip                reset a lambda outside [0, 1] to the nearer bound, as the paper asks (II.B). Such a step no
                         longer follows the conjugate direction; `clipped` says so
@@ -95,7 +103,7 @@ class LinearSarsa:
         *,
         step_size: float,
         discount: float,
-        lambda_rule: LambdaRule,
+        lambda_rule: AnyRule,
         initial_weight: float = 0.0,
         clip: bool = True,
         on_zero: float = 0.0,
@@ -110,8 +118,9 @@ class LinearSarsa:
         one_of("update", self.updates, get_args(Update))
         self.step_size = step_size
         self.discount = unit_interval("discount", discount)
-        self.lambda_rule = checked(lambda_rule)
-        self.clip, self.on_zero = clip, unit_interval("on_zero", on_zero)
+        spec = lambda_spec(lambda_rule)
+        self.lambda_rule, self.clip = spec.rule, spec.clip and clip
+        self.on_zero = unit_interval("on_zero", on_zero) or spec.on_zero
         self.bootstrap_terminal = bootstrap_terminal
         self._theta: Array = np.full((n_actions, n_features), finite("initial_weight", initial_weight))
         self._shape = (n_features,)
@@ -155,7 +164,7 @@ class LinearSarsa:
     def value_list(self, phi: ArrayLike | None, name: str = "phi") -> list[float]:
         """The same as Python's own numbers, which for a few are quicker."""
         x = self._features(name, phi)
-        return [linear(name, theta_a, x) for theta_a in self._theta_of]
+        return [value_of(theta_a, x, name) for theta_a in self._theta_of]
 
     @silent
     def update(
@@ -174,7 +183,7 @@ class LinearSarsa:
     def learn(self, phi_tm1: Array, a_tm1: int, r_t: float, phi_t: Array, a_t: int, terminal: bool) -> float:
         """`update` without its checks, for whoever has made sure of shapes and actions."""
         alpha, discount = self._step_size, self.discount
-        q_tm1 = linear("phi", self._theta_of[a_tm1], phi_tm1)
+        q_tm1 = value_of(self._theta_of[a_tm1], phi_tm1)
         q_t = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_t, a_t)
         delta = td_error(q_tm1, r_t, discount, q_t)  # (1)
 
@@ -226,7 +235,7 @@ class LinearSarsa:
 
     def _value_ahead(self, phi_t: Array, a_t: int) -> float:
         """The value that the TD error looks ahead to: Q(s_t, a_t)."""
-        return linear("phi_next", self._theta_of[a_t], phi_t)
+        return value_of(self._theta_of[a_t], phi_t, "phi_next")
 
     def _changed_by(self, change: Array) -> None:
         """Note a change just made to the weights, and see that they are still finite."""
@@ -278,18 +287,3 @@ class LinearQ(LinearSarsa):
         values = np.array(self.value_list(phi_t, "phi_next"))
         self._cut = bool(values[a_t] < values.max())
         return float(values.max())
-
-
-def finite(name: str, value: float) -> float:
-    """The value as a float, or ValueError unless it is finite."""
-    if not isinstance(value, SupportsFloat) or not isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {shown(value)}")
-    return float(value)
-
-
-def linear(name: str, weights: Array, phi: Array) -> float:
-    """Eq. (2), theta^T phi. ValueError if phi is not finite: an infinite value of finite features is divergence."""
-    value: float = dot(weights, phi)
-    if not isfinite(value) and not np.isfinite(phi).all():
-        raise ValueError(f"{name} must be finite, got {phi[~np.isfinite(phi)][0]} among its components")
-    return value

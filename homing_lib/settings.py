@@ -14,14 +14,14 @@ import numpy as np
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from homing_lib import lambdas
 from homing_lib.errors import UserError, nearest, shown
 from homing_lib.features import Array, Centre, Variance, bins_per_channel
+from homing_lib.lambdas import rule_named
 from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import room_named
 from homing_lib.sarsa import Update
 
-_Rule = Annotated[str, BeforeValidator(lambda text: str(lambdas.lambda_spec(text)))]
+_Rule = Annotated[str, BeforeValidator(lambda text: str(rule_named(text)))]
 _Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,14 @@ def npz_bytes(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
     return buffer.getvalue()
 
 
+def part_of(path: Path) -> Path:
+    """Where a file is written until it is whole: beside it, of the same suffix, under a name that nobody else has.
+
+    Not by the number of the process alone: in another container that shares the folder it is another process's.
+    """
+    return path.with_name(f".{path.stem}.{os.getpid()}-{token_hex(4)}.part{path.suffix}")
+
+
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """A path of the same suffix, renamed at the end to `path`, or to what that links to. Raises UserError."""
@@ -39,7 +48,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
         place = Path(os.path.realpath(path)) if path.is_symlink() else path
         if "\0" in str(path) or place.is_symlink() or (place.exists() and not place.is_file()):
             raise OSError("this names no ordinary file; choose another name")
-        part = place.with_name(f".{place.stem}.{os.getpid()}.part{place.suffix}")
+        part = part_of(place)
         place.parent.mkdir(parents=True, exist_ok=True)
         yield part
         part.replace(place)

@@ -20,10 +20,10 @@ _COLOUR_SHARE, _PERSISTENCE = 0.35, 0.4
 
 
 @cache
-def paint(texture: Texture, seed: int, name: str, texels: int = 256) -> Image:
-    """The texels of a surface, shape (texels, texels, 3). The same texture, seed and name give the same bytes."""
+def paint(texture: Texture, seed: int, name: str) -> Image:
+    """A painted surface, shape (256, 256, 3). The same texture, seed and name give the same bytes."""
     rng = np.random.default_rng(int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8]))
-    base = np.clip(np.array(texture.rgb), 0.02, 0.98)
+    texels, base = 256, np.clip(np.array(texture.rgb), 0.02, 0.98)
     logit = np.log(base / (1 - base)) + np.zeros((texels, texels, 3))
 
     def noise(cells: int) -> Array:
@@ -82,7 +82,8 @@ def box_sides(box: Box) -> list[Mesh]:
     ]
 
 
-def cone_mesh(cone: Cone, sides: int = 16) -> Mesh:
+def cone_mesh(cone: Cone) -> Mesh:
+    sides = 16
     angles = [2 * pi * side / sides for side in range(sides + 1)]
     rim = [(cone.x + cone.radius * cos(a), cone.y + cone.radius * sin(a), 0.0) for a in angles]
     triangles = [index for side in range(sides) for index in (side, side + 1, sides + 1 + side)]
@@ -90,8 +91,8 @@ def cone_mesh(cone: Cone, sides: int = 16) -> Mesh:
     return Mesh(rim + [(cone.x, cone.y, cone.height)] * sides, triangles, uvs)
 
 
-def ball_mesh(ball: Ball, rings: int = 6, sides: int = 12) -> Mesh:
-    mesh, r = Mesh([], [], []), ball.radius
+def ball_mesh(ball: Ball) -> Mesh:
+    mesh, r, rings, sides = Mesh([], [], []), ball.radius, 6, 12
     for ring, side in product(range(rings + 1), range(sides + 1)):
         down, around = pi * ring / rings, 2 * pi * side / sides
         flat = r * sin(down)

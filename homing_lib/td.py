@@ -13,7 +13,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from homing_lib.lambdas import Array
-from homing_lib.sarsa import LinearSarsa, linear
+from homing_lib.sarsa import LinearSarsa, value_of
 
 
 class LinearTD(LinearSarsa):
@@ -42,7 +42,7 @@ class LinearTD(LinearSarsa):
 
     def value(self, phi: ArrayLike) -> float:
         """Eq. (2): V(s) = theta^T phi(s). phi: shape (n,)."""
-        return linear("phi", self.weights, self._features("phi", phi))
+        return value_of(self.weights, self._features("phi", phi))
 
     def update(  # type: ignore[override] # one action needs no name
         self, phi: ArrayLike, reward: float, phi_next: ArrayLike | None, *, terminal: bool = False

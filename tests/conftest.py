@@ -1,19 +1,21 @@
+"""What tests share: a skip where there is no camera, the paper's room and its home, and settings unlike the default."""
+
 import re
 import signal
 import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import pytest
 
 from homing_lib.atlas import camera_available
-from homing_lib.environment import survey
 from homing_lib.errors import UserError
 from homing_lib.features import HomeModel
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
+from homing_lib.survey import survey
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
@@ -43,7 +45,7 @@ def _as_far_as_possible() -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        if not camera_available() and str(error).startswith("the camera needs PyBullet"):
+        if not camera_available() and "needs PyBullet" in str(error):
             pytest.skip("needs PyBullet")
         if not FINDINGS.exists() and re.match(rf"{re.escape(str(FINDINGS.parent))}\S+: missing", str(error)):
             pytest.skip("`make data` has not come to its end: there is no data/findings.json")
@@ -71,3 +73,18 @@ def arena() -> Iterator["Arena"]:
 def home_model(arena: "Arena") -> HomeModel:
     """What a robot knows of the paper's home after the default survey."""
     return survey(arena, Settings(), PAPER.home, np.random.default_rng(0))
+
+
+_OTHER = {"lambda_rule": "fixed:0.5", "room": "attic", "atlas_heading_deg": 20, "snapshots": 3, "clear_way_m": 0.01}
+
+
+def other_value(name: str) -> Any:
+    """A value of a setting other than its default: of those above, else the other choice, one more, or less."""
+    field = Settings.model_fields[name]
+    if name in _OTHER:
+        return _OTHER[name]
+    if isinstance(field.default, bool):
+        return not field.default
+    if choices := get_args(field.annotation):
+        return next((choice for choice in choices if choice != field.default), field.default)
+    return field.default + 1 if isinstance(field.default, int) else field.default * 0.9 or 0.01

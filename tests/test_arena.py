@@ -1,6 +1,7 @@
 """What the robot sees and feels in PyBullet's rooms is what geometry says, and depends on the pose alone."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from math import cos, degrees, hypot, inf, pi, radians, sin
@@ -65,23 +66,33 @@ def test_the_camera_sees_22_and_a_half_degrees_to_either_side(arena):
 
 HASH = """
 import hashlib
+import os
+from homing_lib import parallel
 from homing_lib.arena import Arena
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
-with Arena(PAPER, Settings()) as world:
-    print(hashlib.sha256(b"".join(world.image(pose).tobytes() for pose in (PAPER.home, PAPER.start))).hexdigest())
+def of_two_images(room):
+    with Arena(room, Settings()) as world:
+        return hashlib.sha256(b"".join(world.image(pose).tobytes() for pose in (room.home, room.start))).hexdigest()
+print(of_two_images(PAPER), *parallel.results(of_two_images, [(PAPER,), (PAPER,)], workers=2))
 """
 
 
-def test_an_image_depends_on_the_pose_alone_to_the_bit_whatever_was_asked_before_and_in_any_process(arena):
+def test_an_image_depends_on_the_pose_alone_in_any_process_wherever_temporary_files_are_and_none_is_left(
+    arena, tmp_path
+):
     arena.clearance(PAPER.home.x + 0.05, PAPER.home.y)  # this puts the body there
     arena.infrared(PAPER.start)
     arena.top_view()
     images = [arena.image(pose) for pose in (PAPER.home, PAPER.start)]
     assert {(image.shape, image.dtype.name) for image in images} == {((64, 64, 4), "uint8")}
     here = hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest()
-    there = subprocess.run([sys.executable, "-c", HASH], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert there.stdout.strip() == here
+    folder = tmp_path / "Jürgen's $HOME\\temp" / ("long" * 30) / ("longer" * 30)
+    folder.mkdir(parents=True)
+    command, environment = [sys.executable, "-OO", "-c", HASH], os.environ | {"TMPDIR": str(folder)}
+    there = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert there.stdout.split() == [here] * 3
+    assert not list(folder.iterdir())
 
 
 def test_light_scales_every_pixel_and_stays_with_its_own_arena(arena):

@@ -1,18 +1,14 @@
 """An atlas says what the arena says, is the same bytes however it was built, and is never silently a wrong one."""
 
 import hashlib
-import os
 import shutil
-import signal
 import subprocess
 import sys
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
-from time import sleep
 
 import numpy as np
-import psutil
 import pytest
 
 pytest.importorskip("pybullet", reason="needs PyBullet")  # to build one; tests/test_without_pybullet.py does without
@@ -24,6 +20,7 @@ from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
 from homing_lib.storage import npz_bytes, read_arrays
 from homing_lib.survey import free_pose, survey
+from tests.kills import lives, wait_for, workers_of
 
 ROOT = Path(__file__).parent.parent
 
@@ -35,32 +32,16 @@ SETTINGS = Settings(**COARSE)
 PROGRAM = f"""
 import sys
 from pathlib import Path
-from homing_lib import atlas
-from homing_lib.publish.cli import main
-atlas.FOLDER = Path(sys.argv[1])
-sys.exit(main(["run", *(word for name, value in {COARSE}.items() for word in ("--set", f"{{name}}={{value}}"))]))
+from homing_lib.atlas import open_atlas
+from homing_lib.rooms import PAPER
+from homing_lib.settings import Settings
+open_atlas(PAPER, Settings(**{COARSE}), Path(sys.argv[1]), workers=2)
 """
-"""`homing run` with a coarse atlas, stored in the folder that the argument names."""
 
 
-def start(folder: Path, program: str = PROGRAM) -> subprocess.Popen[str]:
-    """A building in a process of its own, and its group."""
-    command = [sys.executable, "-c", program, str(folder)]
-    pipe = subprocess.PIPE
-    return subprocess.Popen(command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
-
-
-def started(folder: Path) -> subprocess.Popen[str]:
-    """The same, and its workers are at work."""
-    building = start(folder)
-    while len(psutil.Process(building.pid).children(recursive=True)) < 2 and building.poll() is None:
-        sleep(0.01)
-    return building
-
-
-def said(errors: str) -> list[str]:
-    """Lines on standard error that are no progress bar's."""
-    return [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "%|" not in line]
+def start(folder: Path) -> subprocess.Popen[str]:
+    """A process that builds the coarse atlas there."""
+    return subprocess.Popen([sys.executable, "-c", PROGRAM, str(folder)], cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
 def hashes(folder: Path) -> dict[str, str]:
@@ -157,71 +138,35 @@ def test_outside_the_room_everything_is_in_the_way_and_inside_an_obstacle_is_no_
 # Building
 
 
-def test_one_worker_and_two_write_the_same_bytes_and_nothing_else(coarse, tmp_path):
-    open_atlas(PAPER, SETTINGS, tmp_path, workers=2)
-    assert hashes(tmp_path) == hashes(coarse)
-    assert {path.suffix for path in tmp_path.iterdir()} == {".npz", ".lock"}
-
-
-def test_two_processes_that_build_at_once_both_succeed(coarse, tmp_path):
+def test_two_processes_that_build_at_once_write_the_same_bytes_as_one_and_nothing_else(coarse, tmp_path):
     both = [start(tmp_path), start(tmp_path)]
-    output, errors = zip(*(building.communicate() for building in both), strict=True)
+    errors = [building.communicate()[1] for building in both]
     assert [building.returncode for building in both] == [0, 0], errors
-    assert output[0] == output[1]
-    assert hashes(tmp_path) == hashes(coarse)
-
-
-def test_ctrl_c_is_one_line_and_the_same_command_builds_it_then(coarse, tmp_path):
-    building = started(tmp_path)
-    os.killpg(building.pid, signal.SIGINT)  # as a terminal sends it: to workers too
-    _, errors = building.communicate()
-    assert building.returncode == 130
-    assert [line.startswith("homing: interrupted") for line in said(errors)] == [True], errors
-    assert not hashes(tmp_path)
-    again = start(tmp_path)
-    again.communicate()
-    assert again.returncode == 0
+    assert {path.suffix for path in tmp_path.iterdir()} == {".npz", ".lock"}
     assert hashes(tmp_path) == hashes(coarse)
 
 
 def test_who_builds_an_atlas_goes_with_the_parent_within_ten_seconds_and_leaves_no_lock(coarse, tmp_path):
-    building = started(tmp_path)
-    workers = psutil.Process(building.pid).children(recursive=True)
+    building = start(tmp_path)
+    wait_for(lambda: len(workers_of(building)) == 2)
+    workers = workers_of(building)
     building.kill()
     building.wait()
-    assert workers
-    _, alive = psutil.wait_procs(workers, timeout=10)
-    assert not alive
+    wait_for(lambda: not any(map(lives, workers)), seconds=10)
     open_atlas(PAPER, SETTINGS, tmp_path, workers=1)
     assert hashes(tmp_path) == hashes(coarse)
-
-
-def test_a_full_disk_is_one_line(tmp_path):
-    building = start(tmp_path, "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n" + PROGRAM)
-    _, errors = building.communicate()
-    assert building.returncode == 1
-    assert [line.startswith("homing: ") for line in said(errors)] == [True], errors
 
 
 # Damaged and outdated atlases
 
 
-@pytest.mark.parametrize("harm", ["truncated", "one byte", "emptied", "altered"])
+@pytest.mark.parametrize("harm", ["emptied", "altered"])
 def test_a_damaged_atlas_is_named_and_built_anew(stored, coarse, harm, capsys):
-    content = bytearray(stored.read_bytes())
-    if harm == "truncated":
-        content = content[: len(content) // 2]
-    elif harm == "one byte":
-        content[len(content) // 2] ^= 1
-    elif harm == "emptied":
-        content = bytearray()
-    else:
-        about, arrays = read_arrays(stored)
-        arrays["clearance_m"] = arrays["clearance_m"][::-1]
-        content = bytearray(npz_bytes(about, arrays))
-    stored.write_bytes(content)
+    about, arrays = read_arrays(stored)
+    arrays["clearance_m"] = arrays["clearance_m"][::-1]
+    stored.write_bytes(b"" if harm == "emptied" else npz_bytes(about, arrays))
     open_atlas(PAPER, SETTINGS, stored.parent, workers=1)
-    (line,) = said(capsys.readouterr().err)
+    (line,) = [one for one in capsys.readouterr().err.replace("\r", "\n").splitlines() if one.startswith("homing: ")]
     assert line.startswith(f"homing: {stored}: damaged file") and line.endswith("built anew")
     assert hashes(stored.parent) == hashes(coarse)
 
@@ -252,10 +197,8 @@ def test_a_sound_atlas_is_loaded_without_a_word_and_not_built(stored, capsys, mo
 @pytest.mark.parametrize("outdated_by", ["room", "code"])
 def test_an_outdated_atlas_is_replaced_and_one_of_other_settings_kept(stored, outdated_by, monkeypatch):
     room = PAPER if outdated_by == "code" else replace(PAPER, texture_seed=1)
-    if outdated_by == "code":
-        monkeypatch.setattr(
-            atlas, "INFRARED_ANGLES_DEG", list(atlas.INFRARED_ANGLES_DEG)
-        )  # the same, written otherwise
+    if outdated_by == "code":  # the same, written otherwise
+        monkeypatch.setattr(atlas, "INFRARED_ANGLES_DEG", list(atlas.INFRARED_ANGLES_DEG))
     before = open_atlas(PAPER, SETTINGS, stored.parent) if outdated_by == "room" else None
     changed = open_atlas(room, SETTINGS, stored.parent, workers=1)
     assert not stored.exists()

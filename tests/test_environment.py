@@ -3,7 +3,6 @@
 import copy
 import doctest
 import gc
-import os
 import pickle
 import tempfile
 import warnings
@@ -15,11 +14,12 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 from homing_lib import atlas
-from homing_lib.environment import CONSTANT_COST, HomingEnv, reward
+from homing_lib.environment import HomingEnv, reward
 from homing_lib.errors import UserError
 from homing_lib.features import histogram
 from homing_lib.robot import GO_FORWARD, LEFT_FORWARD, RIGHT_FORWARD
@@ -84,9 +84,8 @@ def random_actions(number, seed=0):
 
 
 @every_kind
-@pytest.mark.parametrize("start", [None, "uniform"])
-def test_gymnasiums_two_checkers_pass_it_without_a_warning(options, start):
-    with warnings.catch_warnings(), make(**options, start=start) as env:
+def test_gymnasiums_two_checkers_pass_it_without_a_warning(options):
+    with warnings.catch_warnings(), make(**options, start="uniform") as env:
         warnings.simplefilter("error")
         check_env(env.unwrapped)
         drive(env, random_actions(20), seed=0)  # through the passive one
@@ -104,6 +103,28 @@ def test_an_observation_is_a_new_array_that_belongs_to_its_receiver(options):
             seen[:] = 0
             seen = env.step(action)[0]
         assert not any(np.shares_memory(one, other) for one, other in pairwise(kept))
+
+
+def test_its_specification_goes_through_json_with_whole_settings_and_makes_it_again():
+    whole = Settings(images="compact", survey_steps=60, wheel_slip=0.1, lambda_rule="fixed:0.5")
+    with make(settings=whole, observation="features", multiplier=11, home=(0.5, 0.5, 0.0)) as env:
+        specification = EnvSpec.from_json(env.spec.to_json())
+        expected = drive(env, random_actions(20), seed=3)
+    with gymnasium.make(specification) as again:
+        assert again.unwrapped.settings == whole.with_changes(multiplier=11)
+        assert_same(drive(again, random_actions(20), seed=3), expected)
+
+
+def test_wrappers_see_the_same_episode(env):
+    expected = drive(env, random_actions(9), seed=2)
+    wrapped = gymnasium.wrappers.TimeLimit(make(**COMPACT), 9)
+    with gymnasium.wrappers.FrameStackObservation(gymnasium.wrappers.RecordEpisodeStatistics(wrapped), 2) as stacked:
+        (first, _), *steps = drive(stacked, random_actions(50), seed=2)
+    np.testing.assert_array_equal(first[-1], expected[0][0])
+    for (seen, *_), (phi, *_) in zip(steps, expected[1:], strict=True):
+        np.testing.assert_array_equal(seen[-1], phi)
+    assert steps[-1][3]
+    assert steps[-1][4]["episode"]["r"] == pytest.approx(sum(gain for _, gain, *_ in expected[1:]))
 
 
 @pytest.mark.slow
@@ -125,21 +146,15 @@ def test_in_a_vector_each_environment_drives_as_if_it_were_alone(vector):
     actions, options = random_actions(15), COMPACT | {"start": "uniform"}
     envs = vector([partial(make, **options)] * 2)
     try:
-        observations, infos = envs.reset(seed=[3, 4])
-        together = [(observations.copy(), infos["similarity"])]
-        for action in actions:
-            observations, rewards, terminated, truncated, infos = envs.step(np.array([action, action]))
-            assert not (terminated.any() or truncated.any())
-            together.append((observations.copy(), rewards))
+        together = [envs.reset(seed=[3, 4])[0].copy()]
+        together += [envs.step(np.array([action, action]))[0].copy() for action in actions]
     finally:
         envs.close()
     for index, seed in enumerate([3, 4]):
         with make(**options) as alone:
-            (observation, info), *steps = drive(alone, actions, seed=seed)
-        expected = [(observation, info["similarity"]), *(step[:2] for step in steps)]
-        for (seen, numbers), (view, number) in zip(together, expected, strict=True):
-            np.testing.assert_array_equal(seen[index], view)
-            assert numbers[index] == number
+            expected = drive(alone, actions, seed=seed)
+        for seen, (observation, *_) in zip(together, expected, strict=True):
+            np.testing.assert_array_equal(seen[index], observation)
 
 
 def test_the_example_in_its_docstring_runs():
@@ -189,8 +204,6 @@ def test_images_and_features_show_the_same_episode(home_model):
     with HomingEnv(model=home_model) as seeing, HomingEnv(observation="features", model=home_model) as env:
         both = zip(*(drive(each, actions, seed=0) for each in (seeing, env)), strict=True)
         for (image, *_, info), (phi, *_, same) in both:
-            assert image in seeing.observation_space
-            assert phi in env.observation_space
             np.testing.assert_array_equal(home_model.features(histogram(image, 3)), phi)
             assert info == same
 
@@ -219,13 +232,11 @@ def test_an_episode_starts_where_it_is_told_for_once_or_always_and_by_default_wh
     assert env.reset()[1]["pose"] == PAPER.start
     assert env.reset(options={"start": pose})[1]["pose"] == pose
     assert env.reset()[1]["pose"] == PAPER.start
-    with HomingEnv(**COMPACT, start=pose) as other:
-        assert other.reset()[1]["pose"] == pose
-        assert other.reset(options={"start": "uniform"}, seed=1)[1]["pose"] != pose
     with HomingEnv(Settings(start="uniform"), **COMPACT) as drawn:
         assert len({PAPER.start, *(drawn.reset(seed=seed)[1]["pose"] for seed in (1, 2))}) == 3
     with HomingEnv(Settings(start="uniform"), **COMPACT, start=pose) as other:
         assert other.reset(seed=1)[1]["pose"] == pose
+        assert other.reset(options={"start": "uniform"}, seed=1)[1]["pose"] != pose
 
 
 def test_uniform_starts_are_free_and_spread_evenly_over_room_and_headings(env):
@@ -249,13 +260,14 @@ def test_a_kidnapped_robot_goes_on_from_where_it_is_put(env):
 # A step
 
 
-def test_the_actions_are_left_right_and_forward(env):
-    s = Settings()
-    for action, turn in ((LEFT_FORWARD, s.turn_deg), (RIGHT_FORWARD, -s.turn_deg), (np.int64(GO_FORWARD), 0)):
-        env.reset(options={"start": (0.5, 0.5, 0.0)})
-        info = env.step(action)[4]
-        assert info["pose"].heading == pytest.approx(radians(turn))
-        assert info["action"] == action
+@pytest.mark.parametrize(
+    ("action", "turn"), [(LEFT_FORWARD, 20), (RIGHT_FORWARD, -20), (np.int64(GO_FORWARD), 0)], ids=["0", "1", "2"]
+)
+def test_the_actions_are_left_right_and_forward(env, action, turn):
+    env.reset(options={"start": (0.5, 0.5, 0.0)})
+    info = env.step(action)[4]
+    assert info["pose"].heading == pytest.approx(radians(turn))
+    assert info["action"] == action
 
 
 def test_info_says_what_was_driven_and_what_will_be(env):
@@ -295,39 +307,28 @@ STEP = {"step": 4, "similarity": 0.95, "before": 0.92, "psi_lower": 0.9, "at_wal
 )
 def test_the_reward_is_eq_16_less_the_wall_penalty(changes, settings, expected):
     assert reward(**STEP | changes, settings=Settings(**settings)) == pytest.approx(expected)
-    assert sum(1 / t for t in range(1, 101)) == pytest.approx(100 * CONSTANT_COST)
 
 
-@pytest.mark.parametrize("changes", [{}, {"band": 11.0}, {"terminal_bonus": 50.0}])
+@pytest.mark.parametrize("changes", [{}, {"band": 11.0, "terminal_bonus": 50.0}])
 def test_rewards_and_the_end_of_an_episode_follow_from_what_info_reports(changes):
-    s, ended = Settings(**changes), []
-    psi_upper, psi_lower = stopping_thresholds(12, s.band)
+    s = Settings(max_steps=150, **changes)
+    (psi_upper, psi_lower), ends = stopping_thresholds(12, s.band), set()
     with HomingEnv(s, **COMPACT, start="uniform") as env:
         for seed in range(6):
-            (_, at_start), *steps = drive(env, random_actions(300, seed), seed=seed)
+            (_, at_start), *steps = drive(env, random_actions(200, seed), seed=seed)
             infos = [at_start, *(info for *_, info in steps)]
-            for t, ((before, after), (_, gain, home, *_)) in enumerate(zip(pairwise(infos), steps, strict=True), 1):
-                views = after["similarity"], before["similarity"]
-                assert home == (after["similarity"] >= psi_upper)
+            for t, ((before, after), (_, gain, *ended, _)) in enumerate(zip(pairwise(infos), steps, strict=True), 1):
+                views, home = (after["similarity"], before["similarity"]), after["similarity"] >= psi_upper
+                assert ended == [home, not home and t == 150]
                 assert gain == reward(t, *views, psi_lower, after["at_wall"], s, home=home)
-            ended.append(home)
-    assert set(ended) == {True, False}  # or else half of this says nothing
+            ends.add(tuple(ended))
+    assert ends == {(True, False), (False, True)}  # or else half of this says nothing
 
 
-@pytest.mark.parametrize(
-    ("actions", "max_steps", "ends"),
-    [
-        ([GO_FORWARD], 1, [(True, False)]),  # home, even at the step cap
-        ([GO_FORWARD], 100, [(True, False)]),
-        ([LEFT_FORWARD] * 9, 5, [(False, False)] * 4 + [(False, True)]),
-    ],
-)
-def test_an_episode_is_terminated_at_home_and_else_truncated_at_the_step_cap_and_not_before(actions, max_steps, ends):
+def test_who_comes_home_in_the_last_step_that_is_allowed_is_home():
     before_home = (PAPER.home.x - FORWARD, PAPER.home.y, 0.0)
-    start = before_home if actions == [GO_FORWARD] else PAPER.start
-    with HomingEnv(**COMPACT, start=start, max_steps=max_steps) as env:
-        for _ in range(2):
-            assert [step[2:4] for step in drive(env, actions)[1:]] == ends
+    with HomingEnv(**COMPACT, start=before_home, max_steps=1) as env:
+        assert drive(env, [GO_FORWARD])[1][2:4] == (True, False)
 
 
 # Rendering
@@ -345,8 +346,7 @@ def test_a_frame_shows_the_robot_and_its_path_and_the_next_episode_starts_with_a
     with HomingEnv(**COMPACT, render_mode="rgb_array") as env:
         env.reset(options={"start": (0.3, 0.7, 0.0)})
         first = env.render()
-        assert first.shape == (417, 480, 3)
-        assert first.dtype == np.uint8
+        assert (first.shape, first.dtype) == ((417, 480, 3), np.uint8)
         assert pixel(first, 0.28, 0.7) == YELLOW  # the disc, behind its middle
         assert pixel(first, 0.24, 0.7) != YELLOW
         for _ in range(4):
@@ -357,18 +357,6 @@ def test_a_frame_shows_the_robot_and_its_path_and_the_next_episode_starts_with_a
         assert pixel(later, 0.35, 0.74) != YELLOW
         env.reset(options={"start": (0.3, 0.7, 0.0)})
         np.testing.assert_array_equal(env.render(), first)
-
-
-@pytest.mark.parametrize("options", [KINDS["camera's images"], COMPACT])
-def test_rendering_does_not_change_an_episode(options):
-    actions = random_actions(20)
-    with HomingEnv(**options) as blind, HomingEnv(**options, render_mode="rgb_array") as watched:
-        expected = drive(blind, actions, seed=1)
-        seen = [watched.reset(seed=1)]
-        for action in actions:
-            watched.render()
-            seen.append(watched.step(action))
-        assert_same(seen, expected)
 
 
 def test_without_a_render_mode_render_returns_nothing_and_warns(env):
@@ -386,26 +374,22 @@ def open_clients():
 
 
 NO_FIT = "the robot does not fit there; .* room 'paper', 1.15 m x 1 m"
-STARTS = [
-    ((0.0, 0.5, 0.0), rf"start = \(0, 0.5, 0\): {NO_FIT}"),
-    ((1.1, 0.5, 0.0), rf"start = \(1.1, 0.5, 0\): {NO_FIT}"),
-    ((5.0, 0.5, 0.0), rf"start = \(5, 0.5, 0\): {NO_FIT}"),
-    ((0.5, float("nan"), 0.0), rf"start = \(0.5, nan, 0\): {NO_FIT}"),
-    ((0.5, 0.5, float("inf")), rf"start = \(0.5, 0.5, inf\): {NO_FIT}"),
-    ((0.5, 0.5), r"start = \(0.5, 0.5\): .*\(x, y, heading\)"),
-    ("home", r"start = 'home': .*\(x, y, heading\)"),
-    (3, r"start = 3: .*\(x, y, heading\)"),
-]
+NO_POSE = r"\(x, y, heading\)"
 
 
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        *(({"start": start}, line) for start, line in STARTS),
+        ({"start": (0.0, 0.5, 0.0)}, rf"start = \(0, 0.5, 0\): {NO_FIT}"),
+        ({"start": (1.1, 0.5, 0.0)}, rf"start = \(1.1, 0.5, 0\): {NO_FIT}"),
+        ({"start": (5.0, 0.5, 0.0)}, rf"start = \(5, 0.5, 0\): {NO_FIT}"),
+        ({"start": (0.5, float("nan"), 0.0)}, rf"start = \(0.5, nan, 0\): {NO_FIT}"),
+        ({"start": (0.5, 0.5, float("inf"))}, rf"start = \(0.5, 0.5, inf\): {NO_FIT}"),
+        *(({"start": start}, f"start = .*: .*{NO_POSE}") for start in ((0.5, 0.5), "home", 3)),
         ({"home": (0, 0, 0)}, rf"home = \(0, 0, 0\): {NO_FIT}"),
         ({"room": "cellar"}, "room 'cellar': .* paper"),
         ({"observation": "both"}, "observation = 'both': .* image, features"),
-        ({"observation": "image", "images": "atlas"}, 'observation = "image": .*"features"'),
+        ({"observation": "image", "images": "atlas"}, 'observation = "image", .*observation="features".* PyBullet'),
         ({"render_mode": "human"}, "render_mode = 'human': .* rgb_array"),
         ({"alpha0": -1}, "setting alpha0 = -1: .* 0.000000001"),
         ({"colour": 1}, "setting colour: "),
@@ -425,7 +409,7 @@ def test_an_environment_that_cannot_be_is_refused_in_one_line_and_leaves_no_clie
 @pytest.mark.parametrize(
     ("method", "argument", "line"),
     [
-        *(("reset", {"options": {"start": start}}, line) for start, line in STARTS),
+        ("reset", {"options": {"start": (0, 0, 0)}}, rf"start = \(0, 0, 0\): {NO_FIT}"),
         *(("reset", {"options": o}, "options = .*'start'") for o in (5, {"strat": (0, 0, 0)}, ["start"], "start")),
         ("place", {"pose": (0.0, 0.0, 0.0)}, rf"place = \(0, 0, 0\): {NO_FIT}"),
         *(
@@ -466,24 +450,21 @@ def test_where_every_view_passes_for_home_there_is_one_line():
 
 def test_environments_opened_and_closed_leave_nothing_behind(tmp_path, monkeypatch, home_model):
     def held():
-        resident = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        return len(list(Path("/proc/self/fd").iterdir())), open_clients(), resident / 2**20
+        return len(list(Path("/proc/self/fd").iterdir())), open_clients()
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    for number in range(24):
+    for number in range(12):
         env = HomingEnv(observation="features", model=home_model)
         env.reset(seed=number)
         if number % 2:
             env.close()
         del env  # unclosed, its client goes with it
         gc.collect()
-        if number == 9:  # what is allocated once, is by now
-            before = held()
-    after = held()
-    assert after[0] <= before[0]  # joblib's idle workers may have closed theirs meanwhile
-    assert after[1] == before[1]
+        if number == 3:  # what is allocated once, is by now
+            files, clients = held()
+    assert held()[0] <= files  # joblib's idle workers may have closed theirs meanwhile
+    assert held()[1] == clients
     assert list(tmp_path.iterdir()) == []
-    assert after[2] - before[2] < 30  # MB; Bullet keeps about .05 an environment, a forgotten one would keep some 10
 
 
 def test_an_environment_with_the_camera_cannot_be_copied_or_pickled_and_one_without_can(env):

@@ -15,7 +15,7 @@ def test_bins_of_three_give_the_258_features_of_eq_14_and_three_snapshots_three_
     assert Settings(snapshots=3).n_features == 774
 
 
-@pytest.mark.parametrize("bin_size", range(1, 129))
+@pytest.mark.parametrize("bin_size", [1, 2, 3, 5, 49, 85, 127, 128])
 def test_bins_of_every_size_cover_all_256_intensities(bin_size):
     image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
     shares = histogram(image, bin_size).reshape(3, bins_per_channel(bin_size))

@@ -9,8 +9,8 @@ import swifttd
 from homing_lib.lambdas import RULES, Fixed, hestenes_stiefel_printed
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.study.theorem import beta, on_a_quadratic
+from homing_lib.study.walk import VALUES, follow, walks
 from homing_lib.td import LinearTD, TrueOnlineTD
-from tests.classics import BoyanChain, Walk, learn
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
 
@@ -27,20 +27,24 @@ WALK = {
 }
 
 
-def walk_error(learner, episodes):
-    return np.mean([np.sqrt(np.mean((learner.weights - Walk.values) ** 2)) for _ in learn(learner, Walk, episodes)])
+def walk_error(learner, seed):
+    """Root mean square over the states, mean of ten episodes."""
+    errors = []
+    for states in walks(seed):
+        follow(learner, states)
+        errors.append(np.sqrt(np.mean((learner.weights - VALUES) ** 2)))
+    return np.mean(errors)
 
 
 @pytest.mark.parametrize("cls", [LinearTD, TrueOnlineTD])
 @pytest.mark.parametrize(("count", "lambdas"), [(20, (0, 0.8, 1)), pytest.param(200, WALK, marks=pytest.mark.slow)])
 def test_the_random_walk_gives_the_errors_of_the_literature_and_lambda_of_point_8_the_least(cls, count, lambdas):
     # Two means, of so many runs and of 200 with this spread, differ by more than that once in 16,000 times.
-    rng, means = np.random.default_rng(2014), {}
-    runs = [[Walk.episode(rng) for _ in range(10)] for _ in range(count)]
+    means = {}
     for lambda_ in lambdas:
         step_size, error = WALK[lambda_][cls is TrueOnlineTD]
         setting = {"step_size": step_size, "discount": 1.0, "lambda_rule": Fixed(lambda_)}
-        errors = np.array([walk_error(cls(19, **setting), episodes) for episodes in runs])
+        errors = np.array([walk_error(cls(19, **setting), seed) for seed in range(count)])
         standard_error = errors.std(ddof=1) * np.sqrt(1 / count + 1 / 200)
         assert errors.mean() == pytest.approx(error, abs=4 * standard_error), lambda_
         assert standard_error < 0.02
@@ -48,15 +52,21 @@ def test_the_random_walk_gives_the_errors_of_the_literature_and_lambda_of_point_
     assert min(means, key=means.get) == 0.8 and means[0] < means[1]
 
 
-def test_the_fixed_point_of_the_boyan_chain_is_a_straight_line_from_minus_24_to_0():
-    np.testing.assert_array_equal(BoyanChain.features @ BoyanChain.fixed_point, BoyanChain.values)
-    rng = np.random.default_rng(7)
-    episodes = [BoyanChain.episode(rng) for _ in range(1500)]
-    for cls, lambda_ in ((LinearTD, 0), (LinearTD, 0.8), (TrueOnlineTD, 0.8)):
-        learner = cls(4, step_size=0.1, discount=1.0, lambda_rule=Fixed(lambda_))
-        for k, _ in enumerate(learn(learner, BoyanChain, episodes), start=1):
-            learner.step_size = 0.1 * 50 / (50 + k)
-        np.testing.assert_allclose(learner.weights, BoyanChain.fixed_point, atol=0.25)
+@pytest.mark.parametrize(("cls", "lambda_"), [(LinearTD, 0), (LinearTD, 0.8), (TrueOnlineTD, 0.8)])
+def test_the_fixed_point_of_the_boyan_chain_is_a_straight_line_from_minus_24_to_0(cls, lambda_):
+    # Boyan (2002): from state 12 one or two states down at even odds for a reward of -3, from state 1 to state 0 for
+    # -2; state 0 ends it. Four features interpolate between states 12, 8, 4 and 0.
+    phi = np.maximum(0, 1 - np.abs(np.arange(13)[:, None] - [12, 8, 4, 0]) / 4)
+    rng, learner = np.random.default_rng(7), cls(4, step_size=0.1, discount=1.0, lambda_rule=Fixed(lambda_))
+    for k in range(1500):
+        learner.begin_episode()
+        learner.step_size = 0.1 * 50 / (50 + k)
+        state = 12
+        while state > 0:
+            after = max(0, state - rng.choice((1, 2)))
+            learner.update(phi[state], -3 if state > 1 else -2, phi[after], terminal=after == 0)
+            state = after
+    np.testing.assert_allclose(learner.weights, [-24, -16, -8, 0], atol=0.25)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -109,12 +109,6 @@ def test_a_body_that_touches_the_wall_may_drive_away_or_along_it_or_turn_but_not
     assert drive(Pose(1 - RADIUS, 0.5, heading), left, right, BASE, wall)[1] is stopped
 
 
-def test_a_drive_far_from_everything_asks_for_the_clearance_once():
-    asked = []
-    drive(Pose(0, 0, 0), 0.06, 0.06, BASE, lambda x, y: asked.append((x, y)) or 0.1)
-    assert asked == [(0, 0)]
-
-
 @given(gap=st.floats(0, 0.1), heading=st.floats(-pi, pi), left=ways, right=ways)
 def test_no_drive_ends_inside_a_wall_and_one_that_is_not_stopped_is_the_arc(gap, heading, left, right):
     start = Pose(1 - RADIUS - gap, 0, heading)
@@ -193,14 +187,6 @@ def test_a_robot_stopped_by_a_wall_turns_in_place_to_one_random_side_until_the_w
         assert robot.act(GO_FORWARD, rng) == (GO_FORWARD, False)
         sides.add(side)
     assert sides == {LEFT_FORWARD, RIGHT_FORWARD}
-
-
-def test_a_robot_that_is_put_down_somewhere_else_has_no_reflex():
-    robot = Robot(Hall, Settings(), FACING_WALL)
-    robot.act(GO_FORWARD, np.random.default_rng(0))
-    assert robot.reflex is not None
-    robot.place(OPEN)
-    assert (robot.reflex, robot.pose) == (None, OPEN)
 
 
 def test_slip_spreads_the_way_of_each_wheel_by_its_share():

@@ -84,8 +84,6 @@ HEADING, TABLE = "[x, y, heading in degrees]", "must be a table"
         ("size = [1, 2]", "size = [1, nan]", "room closet: size.1: finite"),
         ("size = [1, 2]", "size = [1, -2]", "room closet: size.1: greater than 0"),
         ("rgb = [1, 0, 0]", "rgb = [8, 0, 0]", "room closet: objects.0.Cone.texture.rgb.0: less than"),
-        ('like = "closet"', 'like = "attic"', "room larder: like = 'attic': no room above"),
-        ('like = "closet"', 'like = "pantry"', "room larder: like = 'pantry': no room above"),
         ('like = "closet"', 'like = "larder"', "room larder: like = 'larder': no room above"),
         ('like = "closet"', 'like = ["closet"]', f"room larder: {TABLE}"),
         ("objects = [{", "objects = 3\nothers = [{", f"room larder: {TABLE}"),
@@ -110,5 +108,5 @@ def test_the_command_says_so_too_without_a_traceback(tmp_path):
     command = [sys.executable, "-m", "homing_lib", "settings"]
     ended = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 1
-    assert ended.stderr.startswith(f"homing: {tmp_path / 'homing_lib' / 'rooms.toml'}: room paper: ")
-    assert len(ended.stderr.splitlines()) == 1
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith(f"homing: {tmp_path / 'homing_lib' / 'rooms.toml'}: room paper: ")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_lib.lambdas import TAKES_AND_RETURNS, Fixed, lambda_spec
+from homing_lib.lambdas import TAKES_AND_RETURNS, polak_ribiere
 from homing_lib.sarsa import Diverged, LinearQ, LinearSarsa, decayed, dutch, td_error
 from homing_lib.study.theorem import ConjugateTD
 from homing_lib.td import LinearTD, TrueOnlineTD
@@ -19,14 +19,8 @@ every_learner = pytest.mark.parametrize("cls", LEARNERS)
 
 def make(cls=LinearSarsa, n=2, actions=2, rule="fletcher-reeves", **changes):
     shape = (n, actions) if cls in CONTROL else (n,)
-    setting = {"step_size": 0.1, "discount": 1.0} | ({} if cls is ConjugateTD else of_lambda(rule))
+    setting = {"step_size": 0.1, "discount": 1.0} | ({} if cls is ConjugateTD else {"lambda_rule": rule})
     return cls(*shape, **setting | changes)
-
-
-def of_lambda(text):
-    """A learner's settings from the name of a rule."""
-    _, rule, on_zero, clip = lambda_spec(text)
-    return {"lambda_rule": rule, "on_zero": on_zero, "clip": clip}
 
 
 def step(learner, phi, reward, phi_next, action=0, next_action=0, **how):
@@ -94,7 +88,7 @@ def test_sarsa_that_updates_all_actions_equals_td_on_state_action_features(trace
     stacked = np.zeros((len(x), actions, n))
     stacked[np.arange(len(x)), a] = x
     stacked = stacked.reshape(len(x), -1)
-    setting = {"step_size": 0.02, "discount": 0.9} | of_lambda(rule)
+    setting = {"step_size": 0.02, "discount": 0.9, "lambda_rule": rule}
     sarsa = LinearSarsa(n, actions, **setting, traces=traces, update="all")
     td = cls(n * actions, **setting)
     for _ in range(3):
@@ -166,49 +160,39 @@ def test_weights_that_leave_the_finite_numbers_raise_an_error_that_says_when_and
 # Watkins's Q(lambda)
 
 
-def test_three_steps_of_watkins_q_are_those_worked_by_hand():
-    learner = make(LinearQ, rule="fixed:1", step_size=0.5, discount=0.5)
-    s0, s1 = np.eye(2)
-    # Q(s1) = (0, 0): a tie, so any next action is best
-    assert learner.update(s0, 0, 1, s1, 1) == 1
-    np.testing.assert_allclose(learner.weights, [[0.5, 0], [0, 0]])
-    # delta = 0 + .5 * max(.5, 0) - 0; e(0) = .5 (1, 0), e(1) = (0, 1); next action 1 is not the best: cut
-    assert learner.update(s1, 1, 0, s0, 1) == pytest.approx(0.25)
-    assert learner.lambda_ == 1
-    np.testing.assert_allclose(learner.weights, [[0.5625, 0], [0, 0.125]])
-    np.testing.assert_array_equal(learner.trace, np.zeros((2, 2)))
-    # delta = 0 + .5 * max(0, .125) - 0, and no trace of what was before the cut
-    assert learner.update(s0, 1, 0, s1, 1) == pytest.approx(0.0625)
-    assert learner.lambda_ == 0
-    np.testing.assert_allclose(learner.trace, [[0, 0], [1, 0]])
-    np.testing.assert_allclose(learner.weights, [[0.5625, 0], [0.03125, 0.125]])
-    # the end cuts no trace: delta = 0 - .125, e(1) = .5 (1, 0) + (0, 1)
-    assert learner.update(s1, 1, 0, None, None, terminal=True) == pytest.approx(-0.125)
-    np.testing.assert_allclose(learner.trace, [[0, 0], [0.5, 1]])
-
-
 @given(lambda_=st.floats(0, 1), seed=st.integers(0, 10**6))
-def test_q_equals_watkins_tabular_algorithm_as_the_textbook_writes_it(lambda_, seed):
+def test_q_equals_watkins_tabular_algorithm_as_the_textbook_writes_it_and_begins_anew_after_a_cut(lambda_, seed):
     states, actions, alpha, gamma = 5, 3, 0.2, 0.9
     rng = np.random.default_rng(seed)
-    rule = {"lambda_rule": Fixed(lambda_)}
-    learner = make(LinearQ, n=states, actions=actions, step_size=alpha, discount=gamma, **rule)
+    learner = make(LinearQ, n=states, actions=actions, step_size=alpha, discount=gamma, rule=f"fixed:{lambda_}")
     q, e, features = np.zeros((actions, states)), np.zeros((actions, states)), np.eye(states)
-    s, a = rng.integers(states), rng.integers(actions)
+    s, a, greedy = rng.integers(states), rng.integers(actions), False
     for t in range(30):
         reward, s_next, a_next = rng.standard_normal(), rng.integers(states), rng.integers(actions)
         if rng.random() < 0.7:
             a_next = q[:, s_next].argmax()
         last = t == 29
         learner.update(features[s], a, reward, features[s_next], a_next, terminal=last)
+        assert learner.lambda_ == (lambda_ if greedy else 0)
         best = q[:, s_next].max()
         greedy = q[a_next, s_next] == best
         delta = reward + (0 if last else gamma * best) - q[a, s]
         e[a, s] += 1
         q += alpha * delta * e
-        e = gamma * lambda_ * e if greedy else np.zeros_like(e)
         np.testing.assert_allclose(learner.weights, q, rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(learner.trace, e * (greedy or last), rtol=1e-12, atol=1e-13)
+        e = gamma * lambda_ * e if greedy else np.zeros_like(e)
         s, a = s_next, a_next
+
+
+# Rules
+
+
+def test_a_rule_may_be_given_by_its_name_and_what_is_said_beside_it_counts():
+    named = make(rule="polak-ribiere:on_zero=0.5:unclipped")
+    assert (named.lambda_rule, named.on_zero, named.clip) == (polak_ribiere, 0.5, False)
+    other = make(rule="polak-ribiere:on_zero=0.5", on_zero=1, clip=False)
+    assert (other.on_zero, other.clip) == (1, False)
 
 
 # Refusals
@@ -230,10 +214,9 @@ UNIT, STEP_SIZE = r"must lie in \[0, 1\], got", "step_size must be finite and gr
         ({"lambda_rule": 0.9}, r"lambda_rule = 0.9: .* such as lambdas.fletcher_reeves or Fixed\(0.9\)"),
     ],
 )
-@pytest.mark.parametrize("cls", CONTROL)
-def test_a_setting_out_of_bounds_is_refused_with_its_value_and_the_bound(cls, changes, line):
+def test_a_setting_out_of_bounds_is_refused_with_its_value_and_the_bound(changes, line):
     with pytest.raises((TypeError, ValueError), match=line) as refusal:
-        make(cls, **changes)
+        make(**changes)
     assert "\n" not in str(refusal.value)
 
 

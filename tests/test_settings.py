@@ -1,31 +1,16 @@
+"""Every setting has its source, a range, and its part in the name of a run."""
+
 import re
 from math import degrees, inf, nan
-from typing import get_args
 
 import pytest
-from pydantic import ValidationError
 
 from homing_lib.errors import UserError
 from homing_lib.settings import Settings
+from tests.conftest import other_value
 
 FIELDS = Settings.model_fields
-
-OTHER = {"lambda_rule": "fixed:0.5", "room": "attic", "atlas_heading_deg": 20, "snapshots": 3, "clear_way_m": 0.01}
-"""A value other than the default, where one more, one step further or the other choice will not do."""
-
-ONE_VALUE = {"traces"}
-"""They stay, since the names of stored runs hold them."""
-
-
-def other(name):
-    field = FIELDS[name]
-    if name in OTHER:
-        return OTHER[name]
-    if isinstance(field.default, bool):
-        return not field.default
-    if choices := get_args(field.annotation):
-        return next(choice for choice in choices if choice != field.default)
-    return field.default + 1 if isinstance(field.default, int) else field.default * 0.9 or 0.01
+ADDED = {name for name, field in FIELDS.items() if field.json_schema_extra["added"]}
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -46,39 +31,30 @@ def test_texts_from_a_command_line_are_read_as_numbers():
     assert Settings(alpha0="0.003", episodes="5") == Settings(alpha0=0.003, episodes=5)
 
 
-def test_settings_cannot_be_changed_in_place():
-    with pytest.raises(ValidationError, match="frozen"):
-        Settings().alpha0 = 1
-
-
 # The digest, which names stored runs
 
 
-@pytest.mark.parametrize("name", [name for name in FIELDS if name not in ONE_VALUE])
+@pytest.mark.parametrize("name", [name for name in FIELDS if name != "traces"])  # which has one value
 def test_the_digest_changes_with_each_setting_and_back(name):
-    changed = Settings().with_changes(**{name: other(name)})
+    changed = Settings().with_changes(**{name: other_value(name)})
     assert changed.digest != Settings().digest
     assert re.fullmatch("[0-9a-f]{12}", changed.digest)
+    assert Settings.model_validate_json(changed.model_dump_json()) == changed
     back = changed.with_changes(**{name: FIELDS[name].default})
     assert (back, hash(back), back.digest) == (Settings(), hash(Settings()), Settings().digest)
-
-
-ADDED = {"reward_scale", "terminal_bonus", "band", "start"}
 
 
 def test_settings_that_were_added_later_are_written_only_where_they_are_not_the_default():
     assert Settings().digest == "425af15c1415"  # the name of every run stored before they were added
     assert Settings().model_dump().keys() == FIELDS.keys() - ADDED
+    assert ADDED
     for name in ADDED:
-        changed = Settings().with_changes(**{name: other(name)})
-        assert changed.model_dump() == Settings().model_dump() | {name: other(name)}
-        assert Settings(**changed.model_dump()) == changed
-        assert Settings.model_validate_json(changed.model_dump_json()) == changed
+        changed = Settings().with_changes(**{name: other_value(name)})
+        assert changed.model_dump() == Settings().model_dump() | {name: other_value(name)}
 
 
 def test_a_lambda_rule_is_kept_under_its_short_name_so_that_spellings_share_a_digest():
     assert Settings(lambda_rule="fixed:0.90").lambda_rule == "fixed:0.9"
-    assert Settings(lambda_rule="fixed:0.90").digest == Settings(lambda_rule="fixed:0.9").digest
 
 
 def test_the_wheels_roll_what_turn_and_advance_ask_of_them():
@@ -99,17 +75,14 @@ def test_the_wheels_roll_what_turn_and_advance_ask_of_them():
         ({"alpha0": -1}, "setting alpha0 = -1: .* 0.000000001"),
         ({"alpha0": "much"}, "setting alpha0 = 'much': .* number"),
         ({"alpha0": nan}, "setting alpha0 = nan: .* finite"),
-        ({"alpha0": 5e-324}, "setting alpha0"),
         ({"wall_penalty": inf}, "setting wall_penalty = inf: .* finite"),
         ({"epsilon0": 6}, "setting epsilon0 = 6: .* less than or equal to 1"),
         ({"episodes": 2.5}, "setting episodes = 2.5: .* integer"),
         ({"episodes": "9" * 400}, "setting episodes = '9+\\.\\.\\."),
-        ({"survey_steps": 10**9}, "setting survey_steps"),
-        ({"variance_floor_pixels": 1e-160}, "setting variance_floor_pixels"),
         ({"mixture": "both"}, "setting mixture = 'both': .*'normalised', 'literal' or 'epsilon-greedy'"),
         ({"traces": "replacing"}, "setting traces = 'replacing': .* 'accumulating'"),
         ({"lambda_rule": "steepest"}, "setting lambda_rule = 'steepest': .*; known: "),
-        ({"lambda_rule": 0.5}, "setting lambda_rule = 0.5: .* 'fixed:0.5'"),
+        ({"lambda_rule": 0.5}, "setting lambda_rule = 0.5: .* fixed:<lambda>"),
         ({"room": "cellar"}, "room 'cellar': .* paper"),
         ({"alpha": 1}, "setting alpha: .* `homing settings`.*; did you mean alpha0"),
         ({"alpha0": -1, "alpha": 1}, "setting alpha0 = -1: .*; setting alpha: "),

@@ -40,16 +40,6 @@ def test_three_steps_of_td_with_form_2_are_those_worked_by_hand():
     assert learner.value([1, 2]) == pytest.approx(0.2145)
 
 
-def test_two_steps_of_true_online_td_are_those_worked_by_hand():
-    learner = make(TrueOnlineTD, rule=Fixed(1), discount=1.0, step_size=0.5)
-    learner.update([1, 0], 2, [1, 1])
-    assert learner.weights == pytest.approx([1, 0])
-    # delta = 1 - 1; e = (1, 0) + (1 - .5) (1, 1); the value grew by 1 since, so theta += .5 (e - phi)
-    assert learner.update([1, 1], 1, [0, 0], terminal=True) == pytest.approx(0)
-    assert learner.trace == pytest.approx([1.5, 0.5])
-    assert learner.weights == pytest.approx([1.25, -0.25])
-
-
 @pytest.mark.parametrize("form", FORMS)
 @settings(deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), discount=st.floats(0.1, 1), variety=st.sampled_from([0.05, 0.2, 1]))

@@ -67,7 +67,7 @@ REFUSED = {
     "run": ("main(['run'])", REMEDY),
     "environment": ("report(lambda: HomingEnv())", REMEDY),
     "atlas": ("report(lambda: open_atlas(PAPER, Settings(images='atlas'), Path('nowhere')))", REMEDY),
-    "rendering": ("env.reset(); report(env.render)", REMEDY),
+    "rendering": ("env.reset(); report(env.render)", REMEDY[:2]),  # for which the rest of it has no use
     "film": ("main(['film'])", REMEDY[:2]),  # of which none could be made on the compact atlas
 }
 

@@ -192,9 +192,9 @@ def _draw_ends(axes: Axes, room: Room, diameter_m: float = 0.07) -> None:
     axes.add_patch(patches.Polygon([_ahead(start, 1.3 * radius, turn) for turn in (0.0, 2.4, -2.4)], **look))
 
 
-def _draw_walls(axes: Axes, room: Room, thick: float = 0.035) -> None:
+def _draw_walls(axes: Axes, room: Room) -> None:
     """The walls around the room in their colours, and the pictures on them."""
-    width, depth = room.size
+    (width, depth), thick = room.size, 0.035
     sides = {
         "east": (width, 0, thick, depth),
         "west": (-thick, 0, thick, depth),
@@ -211,10 +211,10 @@ def _draw_walls(axes: Axes, room: Room, thick: float = 0.035) -> None:
     axes.set(xlim=(-thick, width + thick), ylim=(-thick, depth + thick))
 
 
-def in_sight(pose: Pose, room: Room, settings: Settings, rays: int = 121) -> Array:
-    """Corners of the floor that the camera overlooks, shape (rays + 1, 2): itself, then where each ray is stopped."""
+def in_sight(pose: Pose, room: Room, settings: Settings) -> Array:
+    """Corners of the floor that the camera overlooks, shape (122, 2): itself, then where each ray of 121 is stopped."""
     eye = np.array(_ahead(pose, settings.camera_offset_m))
-    half = radians(settings.field_of_view_deg) / 2
+    half, rays = radians(settings.field_of_view_deg) / 2, 121
     angle = pose.heading + np.linspace(-half, half, rays)
     reach = np.linspace(0, float(np.hypot(*room.size)), 1500)
     x, y = (eye[:, None, None] + np.stack([np.cos(angle), np.sin(angle)])[:, :, None] * reach).round(9)

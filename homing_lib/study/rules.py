@@ -7,17 +7,16 @@ several, and each drives with its own best, chosen on seeds on which it is not j
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
-from inspect import signature
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from homing_lib.agent import AgentFactory, Run
-from homing_lib.errors import UserError, shown
+from homing_lib.agent import AgentFactory
+from homing_lib.errors import UserError, misfit, shown
 from homing_lib.features import Array
-from homing_lib.lambdas import LambdaRule, checked, lambda_spec
+from homing_lib.lambdas import AnyRule, lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import iqm
 from homing_lib.study.engine import compiles, run, side_by_side
@@ -132,7 +131,7 @@ def steps_at_random(settings: Settings) -> float:
 
 
 def compare(
-    rules: Mapping[str, LambdaRule | str],
+    rules: Mapping[str, AnyRule],
     seeds: Sequence[int] | None = None,
     settings: Settings | None = None,
     *,
@@ -164,7 +163,7 @@ def compare(
         raise UserError(f"seeds = {shown(seeds)}: step sizes are chosen on some of them; {remedy}")
     candidates = {label: [settings.with_changes(alpha0=size) for size in sizes] or [settings] for label in driven}
 
-    runs: dict[str, Callable[[Settings, int], Run]] = {label: partial(_run, rule) for label, rule in rules.items()}
+    runs = {label: partial(run, lambda_rule=rule) for label, rule in rules.items()}
     runs |= {label: partial(run, agent=makes) for label, makes in agents.items()}
 
     def steps_of(those: Sequence[Candidate], seeds: Sequence[int]) -> Array:
@@ -198,7 +197,7 @@ def _best(
     return left
 
 
-def _learners(rules: Mapping[str, LambdaRule | str], agents: Mapping[str, AgentFactory]) -> dict[str, Any]:
+def _learners(rules: Mapping[str, AnyRule], agents: Mapping[str, AgentFactory]) -> dict[str, Any]:
     """By label, the functions of the rules, and what makes the agents. Raises as `compare` does."""
     for label in agents:
         if label in rules:
@@ -206,20 +205,10 @@ def _learners(rules: Mapping[str, LambdaRule | str], agents: Mapping[str, AgentF
     found: dict[str, Any] = {**rules, **agents}
     for label, one in found.items():
         try:
-            if label in agents:
-                _makes_agent(one)
-            else:
-                found[label] = lambda_spec(one).rule if isinstance(one, str) else checked(one)
+            found[label] = lambda_spec(one).rule if label in rules else _makes_agent(one)
         except (TypeError, ValueError) as error:
             raise type(error)(f"{label}: {error}") from None
     return found
-
-
-def _run(rule: LambdaRule | str, settings: Settings, seed: int) -> Run:
-    """A run with a rule. A name, unlike a function, also says what becomes of a lambda that is undefined or outside."""
-    if isinstance(rule, str):
-        return run(settings.with_changes(lambda_rule=rule), seed)
-    return run(settings, seed, rule)
 
 
 def _sizes(step_sizes: Any) -> tuple[float, ...]:
@@ -230,9 +219,8 @@ def _sizes(step_sizes: Any) -> tuple[float, ...]:
         raise UserError(f"step_sizes = {shown(step_sizes)}: must be a list of numbers, as (0.0004, 0.00125)") from None
 
 
-def _makes_agent(makes: Any) -> None:
-    """TypeError for what cannot be called with settings and a random generator."""
-    try:
-        signature(makes).bind(Settings(), np.random.default_rng())
-    except TypeError as error:
-        raise TypeError(f"an agent is made by a function of settings and a random generator: {error}") from None
+def _makes_agent(makes: Any) -> AgentFactory:
+    """The same. TypeError for what cannot be called with settings and a random generator."""
+    if wrong := misfit(makes, "settings", "rng"):
+        raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
+    return makes

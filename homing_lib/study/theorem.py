@@ -13,8 +13,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from homing_lib.errors import one_of
 from homing_lib.features import Array
-from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves, one_of
+from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves
 from homing_lib.td import LinearTD
 
 Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from homing_lib.features import Array
-from homing_lib.lambdas import LambdaRule, LambdaSpec, checked, lambda_spec, name_of
+from homing_lib.lambdas import AnyRule, lambda_spec
 from homing_lib.sarsa import Diverged, silent
 from homing_lib.study.findings import Comparison, compare_to_first
 from homing_lib.study.runs import seeds_of
@@ -49,12 +49,9 @@ def follow(learner: LinearTD, states: Sequence[int]) -> None:
 
 
 @silent
-def learning(rule: LambdaRule | str, seed: int, step_size: float) -> Array:
+def learning(rule: AnyRule, seed: int, step_size: float) -> Array:
     """The error after each of ten episodes, shape (EPISODES,); infinite once the weights are not finite."""
-    choice = lambda_spec(rule) if isinstance(rule, str) else LambdaSpec(name_of(rule), rule, 0.0, True)
-    learner = LinearTD(
-        19, step_size=step_size, discount=1.0, lambda_rule=choice.rule, on_zero=choice.on_zero, clip=choice.clip
-    )
+    learner = LinearTD(19, step_size=step_size, discount=1.0, lambda_rule=rule)
     errors = np.full(EPISODES, np.inf)
     try:
         for number, states in enumerate(walks(seed)):
@@ -101,7 +98,7 @@ class Race:
 
 
 def race(
-    rules: Mapping[str, LambdaRule | str],
+    rules: Mapping[str, AnyRule],
     choose: Sequence[int] = range(6),
     judge: Sequence[int] = range(1000, 1020),
     step_sizes: Sequence[float] = RACE_SIZES,
@@ -113,7 +110,7 @@ def race(
     choose, judge = seeds_of(choose), seeds_of(judge)
     for label, rule in rules.items():
         try:
-            checked(lambda_spec(rule).rule if isinstance(rule, str) else rule)
+            lambda_spec(rule)
         except (TypeError, ValueError) as error:
             raise TypeError(f"{label}: {error}") from None
 
