@@ -1,13 +1,11 @@
 # The whole project on one page. A target stands left of the colon, what it is made from stands right.
 # `make help` prints what stands behind a ##.
 
-# The first that is there; `make PYTHON=python3.13` takes another, and makes .venv anew.
-works   = $(shell python$(1) -c 'print("python$(1)")' 2>/dev/null)
-PYTHON ?= $(or $(call works,3.11),$(call works,3.12),$(call works,3.13),python3.11)
-VERSION := $(shell $(PYTHON) -c 'import ensurepip, sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
-VENV   := .venv/bin/python
-HOMING := $(VENV) -m homing_lib
-PIP    := -m pip install -qq --disable-pip-version-check
+# The first Python that works; `make PYTHON=python3.13` takes another, and makes .venv anew.
+PYTHON = $(shell for python in python3.11 python3.12 python3.13; do $$python -Ic 'import ensurepip' && echo $$python \
+  && break; done 2>/dev/null)
+VERSION := $(shell $(PYTHON) -Ic 'import ensurepip, sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+HOMING := .venv/bin/python -m homing_lib
 
 # The library, by who uses it, so that an edit remakes what it touches and nothing else. No notebook imports LETTERS,
 # the lab or its handouts; a test compares this with their imports.
@@ -30,49 +28,41 @@ export SOURCE_DATE_EPOCH := 1767225600
 export FORCE_SOURCE_DATE := 1
 export MPLBACKEND := Agg
 export HYPOTHESIS_STORAGE_DIRECTORY := .build/hypothesis
-unexport PYTHONPATH PYTHONHOME
+# And nothing of a user's own set-up. Who keeps packages of LaTeX at home: make TEXMFHOME=~/texmf
+export PYTHONUTF8 := 1
+export MATPLOTLIBRC := /dev/null
+export TEXMFHOME := /dev/null
+export TEXMFCONFIG := /dev/null
+export TEXMFVAR := /dev/null
+THEIRS := $(filter PYTHON% PYTEST_% MYPY% RUFF_% TEXINPUTS% BASH_ENV CDPATH,$(.VARIABLES))
+unexport $(filter-out PYTHONHASHSEED PYTHONUTF8,$(THEIRS))
 
-SHELL := /bin/bash
-.SHELLFLAGS := -eu -o pipefail -c
 MAKEFLAGS += --jobs=2
 .DELETE_ON_ERROR:
 .PHONY: all test data verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
 
-# A stamp lists the files that were made, with their checksums. Before all else it goes, so that they are made again, if
-# one is no longer so, or if a folder stands in its place.
-LISTING := $(wildcard .build/numbers .build/report .build/demo .build/pages .build/notebooks/*)
-$(shell for stamp in .build/data .build/verified $(LISTING); do [ ! -d "$$stamp" ] || rm -rf "$$stamp"; done; \
-  for stamp in $(LISTING); do cut -d ' ' -f 3- "$$stamp" | while read -r file; do cksum "$$file"; done | \
-  cmp -s - "$$stamp" || rm -f "$$stamp"; done 2>/dev/null)
+# A stamp lists the files that were made, with their checksums. If one is no longer so, it goes, and they are made again.
+STAMPS := $(wildcard .build/numbers .build/report .build/demo .build/pages .build/notebooks/*)
+$(shell for stamp in $(STAMPS); do [ -s $$stamp ] && cut -d ' ' -f 3- $$stamp | xargs cksum | cmp -s - $$stamp || \
+  rm -f $$stamp; done 2>/dev/null)
 
-all: .build/summary .build/report .build/demo ## everything: data, a live check, notebooks, figures, the report
-	@cat $<
+all: .build/verified .build/report .build/demo ## everything: data, a live check, notebooks, figures, the report
+	@$(HOMING) summary
 	@echo "Report: paper/report.pdf"
 
+# Environments. One of another Python, or that was copied or moved with its folder, is made anew.
+fitting = $(or $(filter 3.11 3.12 3.13,$(VERSION)),$(error homing: '$(or $(PYTHON),python3.11)' is no Python 3.11, 3.12 \
+  or 3.13 with venv; on Debian: apt-get install python3.11-venv; elsewhere: make PYTHON=/path/to/python3.11))
+another = $(shell [ "$$(cat $(1)/.ready 2>/dev/null)" = "$(VERSION) $$(pwd -P)" ] || echo FORCE)
 
-# Environment: exactly the locked packages, then this one.
-COMPILE := $(filter-out 3.11-Linux-x86_64,$(VERSION)-$(shell uname -s)-$(shell uname -m))
-.venv/.locked-$(VERSION): environment.lock
-	@[[ "$(VERSION)" = 3.1[123] ]] || { echo \
-	  "homing: '$(PYTHON)' is no Python 3.11, 3.12 or 3.13 with venv; on Debian: apt-get install python3.11-venv;" \
-	  "elsewhere: make PYTHON=/path/to/python3.11" >&2; exit 1; }
-	rm -rf .venv
-	$(PYTHON) -m venv .venv
-	@$(if $(COMPILE),echo "PyBullet has no wheel for this Python: compiling it takes 7 minutes on two cores")
-	$(VENV) $(PIP) --only-binary :all: $(if $(COMPILE),--no-binary pybullet) --require-hashes -r $<
-	@touch $@
-
-.venv/.ready: .venv/.locked-$(VERSION) pyproject.toml
-	$(VENV) $(PIP) --no-deps --no-build-isolation -e .
-	@touch $@
+.venv/.ready: environment.lock $(call another,.venv)
+	@$(if $(fitting),$(PYTHON)) .ci/environment.py .venv $<
 
 # For lessons: whatever packages this Python gets, and PyBullet only where it has a wheel. `OPEN=` opens nothing.
-OPEN ?= lab
-.build/class/.ready: pyproject.toml
-	$(PYTHON) -m venv .build/class
-	.build/class/bin/python $(PIP) -e .
-	@touch $@
+.build/class/.ready: pyproject.toml $(call another,.build/class)
+	@$(if $(fitting),$(PYTHON)) .ci/environment.py .build/class
 
+OPEN = lab
 class: .build/class/.ready ## open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 	$(if $(OPEN),env -u MPLBACKEND .build/class/bin/jupyter $(OPEN) notebooks)
 
@@ -84,30 +74,26 @@ data: .build/data ## check the stored runs, compute the missing ones (all of the
 
 verify: .build/verified ## repeat one stored run live and compare it to the bit
 .build/verified: .build/data $(MODEL) $(STUDY) $(if $(filter verify,$(MAKECMDGOALS)),FORCE)
-	$(HOMING) verify | tee $@.part
+	$(HOMING) verify > $@.part
 	@mv $@.part $@
-
-.build/summary: .build/verified $(STUDY) homing_lib/publish/report.py
-	$(HOMING) summary > $@.part
-	@mv $@.part $@
+	@cat $@
 
 # Notebooks
+SHOWN := .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock
 notebooks: $(EXECUTED) ## execute the notebooks; they write figures/ and notebooks/executed/
-.build/notebooks/%: notebooks/%.ipynb .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock
-	@mkdir -p $(@D)
-	$(HOMING) notebook $* > $@.part
-	@while read -r file; do cksum "$$file"; done < $@.part > $@.sums
-	@rm $@.part; mv $@.sums $@
+.build/notebooks/%: notebooks/%.ipynb $(SHOWN)
+	@mkdir -p $(@D) .build/written
+	$(HOMING) notebook $* > .build/written/$*
+	@xargs cksum < .build/written/$* > $@
 
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb) ## the same in some minutes and into .build/quick, for trying changes out
-.build/quick/%.ipynb: notebooks/%.ipynb .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock
+.build/quick/%.ipynb: notebooks/%.ipynb $(SHOWN)
 	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
 
 # Report, and two lectures: slides, and as a second PDF each slide with three lines for the lecturer
 .build/numbers: .build/data $(MODEL) $(STUDY) $(patsubst %,homing_lib/publish/%.py,report prose tex) paper/report.tex \
   $(wildcard paper/lectures/*.tex)
-	$(HOMING) numbers --latex > paper/numbers.tex.part
-	@mv paper/numbers.tex.part paper/numbers.tex
+	$(HOMING) numbers --latex > paper/numbers.tex
 	@cksum paper/numbers.tex > $@
 
 # $(1): the PDF without its ending; $(2): further options. If it fails, what LaTeX says of it.
@@ -143,35 +129,37 @@ site: .build/pages ## all of it as pages to read from disk: open .build/site/ind
 	$(HOMING) site
 	@cksum .build/site/* > $@
 
+# The environment of a class packs it too, where that is the only one.
+READY := $(firstword $(wildcard .venv/.ready .build/class/.ready) .venv/.ready)
 lab: .build/lab/lab-teacher.zip ## the lab for a class, .build/lab: lab.zip for students, lab-teacher.zip with the solutions
-.build/lab/lab-teacher.zip: .build/data $(wildcard homing_lib/*.* homing_lib/*/*.* homing_lib/*/*/*.*) \
-  notebooks/lab.ipynb $(wildcard notebooks/lab/*) environment.lock
-	$(HOMING) lab
+.build/lab/lab-teacher.zip: $(wildcard homing_lib/*.* homing_lib/*/*.* homing_lib/*/*/*.*) notebooks/lab.ipynb \
+  $(wildcard notebooks/lab/*) environment.lock | $(READY)
+	$(READY:.ready=bin/python) -m homing_lib lab
 
 # Work on the project itself
 test: .venv/.ready ## lint, types and the quick tests
-	$(VENV) -m ruff check
-	$(VENV) -m ruff format --check
-	$(VENV) -m mypy
-	$(VENV) -m pytest -q -n 2 --dist loadfile
+	.venv/bin/python -m ruff check
+	.venv/bin/python -m ruff format --check
+	.venv/bin/python -m mypy
+	.venv/bin/python -m pytest -q -n 2 --dist loadfile
 
 bench: .venv/.ready ## what learning reaches and costs, in one table
-	$(VENV) -m tests.bench
+	.venv/bin/python -m tests.bench
+
+compact: .venv/.ready ## write the atlas that comes along, homing_lib/compact.atlas, anew
+	.venv/bin/python -m homing_lib.publish.compact
 
 lock: ## write environment.lock anew from pyproject.toml
 	$(PYTHON) -m venv .build/lock
-	.build/lock/bin/pip install -qq --disable-pip-version-check uv
+	.build/lock/bin/python -m pip install -qq uv
 	.build/lock/bin/uv pip compile -q pyproject.toml --extra dev --extra camera --universal --python-version 3.11 \
 	  --only-binary :all: --no-binary pybullet --generate-hashes --no-header --no-emit-index-url --no-emit-find-links \
 	  -o environment.lock
-
-compact: .venv/.ready ## write the atlas that comes along, homing_lib/compact.atlas, anew
-	$(VENV) -m homing_lib.publish.compact
 
 clean: ## forget what was built; data and figures stay
 	rm -rf .build paper/numbers.tex
 
 help:
-	@sed -n 's/^\([a-z]*\):.* ## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14 | sed 's/^/make /'
+	@awk -F ':.*## ' '/^[a-z]+:.* ## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
 
 FORCE:

@@ -3,7 +3,7 @@
 import sys
 
 try:
-    from homing_lib.publish.cli import homing, main
+    from homing_lib.publish.cli import homing, main, print_paths
 except KeyboardInterrupt:  # while much is being loaded
     sys.exit(130)
 
@@ -13,7 +13,7 @@ def lab() -> None:
     """The lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions."""
     from homing_lib.teach import handouts
 
-    handouts.write()
+    print_paths(handouts.write())
 
 
 if __name__ == "__main__":

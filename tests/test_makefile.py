@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent
 LIBRARY = sorted(path.relative_to(ROOT) for path in (ROOT / "homing_lib").rglob("*.*") if path.parent.name[0] != "_")
 VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 
-# Stands in for .venv/bin/python: logs what it is asked to do, and writes what `homing` would.
+# Stands in for .venv/bin/python: logs what it is asked, writes what `homing` would, and fails where it is told to.
 PYTHON = """#!/bin/sh
 shift 2
 echo "$*" >> log
@@ -27,10 +27,11 @@ case $1 in
     demo) mkdir -p notebooks/executed; echo page > notebooks/executed/demo.html ;;
     site) mkdir -p .build/site; echo page > .build/site/index.html ;;
     lab) mkdir -p .build/lab; echo zip > .build/lab/lab-teacher.zip ;;
-    data) [ -e "$3" ] || touch "$3" ;;
+    data) [ -e "$3" ] || echo hash > "$3" ;;
     notebook) echo drawn > "figures/$2.pdf"; echo "figures/$2.pdf" ;;
-    numbers) echo numbers ;;
+    *) echo "what $1 prints" ;;
 esac
+! grep -qsx "$1" failing
 """
 LATEX = """#!/bin/sh
 case "$*" in *-jobname=*) notes=-notes ;; *) notes= ;; esac
@@ -39,6 +40,7 @@ made=$(basename "$source" .tex)$notes
 echo "$made" >> log
 mkdir -p .build/lectures .build/paper
 echo pages > .build/$(dirname "$source" | sed s/paper.lectures/lectures/)/$made.pdf
+! grep -qsx "$made" failing
 """
 
 
@@ -48,39 +50,42 @@ def script(path: Path, text: str) -> None:
     path.chmod(0o755)
 
 
-def run(*command: str | Path, cwd: Path, path: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=cwd, env={"PATH": path}, capture_output=True, text=True, check=False)
+def run(*command: str | Path, cwd: Path, path: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, cwd=cwd, env={"PATH": path} | environment, capture_output=True, text=True, check=False
+    )
+
+
+def ready(folder: Path, environment: str = ".venv") -> None:
+    """Stand-ins for an environment that is up to date."""
+    script(folder / environment / "bin/python", PYTHON)
+    (folder / environment / ".ready").write_text(f"{VERSION} {folder}\n")
 
 
 def project(folder: Path) -> Path:
     """All files of the library, empty, two notebooks and a lecture, with stand-ins for Python and LaTeX."""
     shutil.copy(ROOT / "Makefile", folder)
-    script(folder / ".venv/bin/python", PYTHON)
     script(folder / "bin/latexmk", LATEX)
     script(folder / "paper/install-tex.sh", "#!/bin/sh\n")
     sources = ["notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "notebooks/lab.ipynb", "notebooks/demo/page.html"]
     sources += ["paper/report.tex", "paper/lectures/preamble.tex", "paper/lectures/blame.tex", "figures/film.gif"]
-    ready = ["environment.lock", "pyproject.toml", f".venv/.locked-{VERSION}", ".venv/.ready"]
-    for path in (folder / name for name in [*sources, "README.md", *LIBRARY, *ready]):
+    for path in (folder / name for name in [*sources, "README.md", "environment.lock", "pyproject.toml", *LIBRARY]):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
+    ready(folder)
     return folder
+
+
+def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run("make", f"PYTHON={sys.executable}", "-j1", *arguments, cwd=folder, path=f"{folder}/bin:{os.defpath}")
 
 
 def asked(folder: Path, *arguments: str) -> list[str]:
     """Runs make; what the stand-ins were asked to do."""
     (folder / "log").write_text("")
-    path = f"{folder}/bin:{os.environ['PATH']}"
-    done = run("make", f"PYTHON={sys.executable}", "-j1", *arguments, cwd=folder, path=path)
+    done = make(folder, *arguments)
     assert done.returncode == 0, done.stderr
     return [line.partition(" --stamp")[0] for line in (folder / "log").read_text().splitlines()]
-
-
-@pytest.fixture
-def make(tmp_path):
-    """Runs make in a project of its own; returns what the stand-ins were asked."""
-    project(tmp_path)
-    return lambda *arguments: asked(tmp_path, *arguments)
 
 
 def later(path: Path) -> None:
@@ -91,42 +96,44 @@ def later(path: Path) -> None:
 
 NOTEBOOKS = ["notebook 01-a", "notebook 02-b"]
 NUMBERS = "numbers --latex"
-ONE_BY_ONE = ["data", "verify", "summary", NUMBERS, *NOTEBOOKS, "report", "demo"]
-BUILT = [*ONE_BY_ONE, "blame", "blame-notes", "site", "lab"]
+REPORT = ["data", "verify", NUMBERS, *NOTEBOOKS, "report"]
+OTHERS = ["blame", "blame-notes", "site", "lab"]
+ALL = ("all", "lectures", "site", "lab")
 
 
-def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(make):
-    assert make() == ONE_BY_ONE
-    assert make() == ["data"]
-    assert make("lectures", "site", "lab") == ["data", *BUILT[len(ONE_BY_ONE) :]]
-    assert make("lectures", "site", "lab") == ["data"]
+def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(tmp_path):
+    project(tmp_path)
+    assert asked(tmp_path) == [*REPORT, "demo", "summary"]
+    assert asked(tmp_path) == ["data", "summary"]
+    assert asked(tmp_path, *ALL[1:]) == ["data", *OTHERS]
+    assert asked(tmp_path, *ALL[1:]) == ["data"]
 
 
-def test_two_at_a_time_nothing_is_made_twice_or_left_out(make):
-    assert sorted(make("-j2", "all", "lectures", "site", "lab")) == sorted(BUILT)
+def test_two_at_a_time_nothing_is_made_twice_or_left_out(tmp_path):
+    assert sorted(asked(project(tmp_path), "-j2", *ALL)) == sorted([*REPORT, "demo", "summary", *OTHERS])
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """A project in which everything is made."""
-    folder = project(tmp_path_factory.mktemp("built"))
-    asked(folder, "all", "lectures", "site", "lab")
+    asked(folder := project(tmp_path_factory.mktemp("built")), *ALL)
     return folder
 
 
-LIVE = ["verify", "summary"]
 SET = ["report", "blame", "blame-notes"]
+STUDIED = ["verify", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
 
 
 @pytest.mark.parametrize(
     ("file", "again"),
     [
-        ("homing_lib/td.py", BUILT[1:]),
-        ("homing_lib/rooms.toml", BUILT[1:]),
-        ("homing_lib/study/findings.py", BUILT[1:]),
-        ("homing_lib/study/questions/varying.py", BUILT[1:]),
+        ("homing_lib/td.py", [*STUDIED, "lab"]),
+        ("homing_lib/rooms.toml", [*STUDIED, "lab"]),
+        ("homing_lib/study/findings.py", [*STUDIED, "lab"]),
+        ("homing_lib/study/questions/varying.py", [*STUDIED, "lab"]),
+        (".build/data", STUDIED),
         ("homing_lib/publish/style.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
-        ("homing_lib/publish/report.py", ["summary", NUMBERS, *SET, "site", "lab"]),
+        ("homing_lib/publish/report.py", [NUMBERS, *SET, "site", "lab"]),
         ("homing_lib/publish/demo.py", ["demo", "site", "lab"]),
         ("homing_lib/publish/site.py", ["site", "lab"]),
         ("homing_lib/publish/cli.py", ["lab"]),
@@ -138,21 +145,20 @@ SET = ["report", "blame", "blame-notes"]
         ("notebooks/demo/page.html", ["demo", "site"]),
         ("paper/report.tex", [NUMBERS, *SET, "site"]),
         ("paper/lectures/blame.tex", [NUMBERS, *SET, "site"]),
-        (".build/data", BUILT[1:]),
     ],
 )
 def test_an_edit_remakes_what_it_touches_and_nothing_else(built, file, again):
-    shutil.copytree(built, here := built.parent / "here", symlinks=True, dirs_exist_ok=True)
+    shutil.copytree(built, here := built.parent / "here", symlinks=True)
+    ready(here)
     later(here / file)
     try:
-        assert sorted(asked(here, "all", "lectures", "site", "lab")) == sorted(["data", *again])
+        assert sorted(asked(here, *ALL)) == sorted(["data", *again, "summary"])
     finally:
         shutil.rmtree(here)
 
 
 def test_a_notebook_is_executed_again_after_an_edit_of_any_file_that_it_imports(tmp_path):
-    project(tmp_path)
-    rules = run("make", "-pn", f"PYTHON={sys.executable}", cwd=tmp_path, path=os.environ["PATH"]).stdout
+    rules = make(project(tmp_path), "-pn").stdout
     needs = {*re.search(r"^\.build/notebooks/%: (.*)$", rules, re.M)[1].split()}
     codes = ["".join(cell["source"]) for path in (ROOT / "notebooks").glob("[0-9]*.ipynb") for cell in cells(path)]
     known, new = set(), set().union(*map(imported, codes))
@@ -175,46 +181,60 @@ def files_of(name: str) -> list[Path]:
     return [file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()]
 
 
+@pytest.mark.parametrize("failing", [*REPORT, "demo", "summary", *OTHERS])
+def test_whatever_fails_ends_make_with_an_error_and_is_made_again(failing, tmp_path):
+    project(tmp_path)
+    (tmp_path / "failing").write_text(f"{failing.split()[0]}\n")
+    assert make(tmp_path, *ALL).returncode != 0
+    (tmp_path / "failing").unlink()
+    assert failing in asked(tmp_path, *ALL)
+
+
 @pytest.mark.parametrize(
-    ("file", "again"),
+    ("file", "kept", "again"),
     [
-        ("figures/01-a.pdf", "notebook 01-a"),
-        ("paper/numbers.tex", NUMBERS),
-        ("paper/report.pdf", "report"),
-        ("notebooks/executed/demo.html", "demo"),
-        (".build/notebooks/01-a", "notebook 01-a"),
+        ("figures/01-a.pdf", 3, "notebook 01-a"),
+        ("paper/numbers.tex", 0, NUMBERS),
+        ("paper/report.pdf", 3, "report"),
+        ("notebooks/executed/demo.html", None, "demo"),
+        (".build/notebooks/01-a", 0, "notebook 01-a"),
+        (".build/notebooks/02-b", 9, "notebook 02-b"),
     ],
 )
-@pytest.mark.parametrize("harm", ["truncated", "deleted", "a folder"])
-def test_a_damaged_product_or_stamp_is_made_again(make, tmp_path, file, again, harm):
-    make()
-    path = tmp_path / file
+def test_a_damaged_product_or_stamp_is_made_again(built, file, kept, again, tmp_path):
+    shutil.copytree(built, here := tmp_path / "here", symlinks=True)
+    ready(here)
+    path = here / file
     whole = path.read_bytes()
-    path.unlink()
-    if harm == "truncated":
-        path.write_bytes(whole[:-2])
-    if harm == "a folder":
-        if ".build" not in file:
-            return  # what stands there is the user's
-        path.mkdir()
-    assert again in make()
+    path.unlink() if kept is None else path.write_bytes(whole[:kept])
+    assert again in asked(here)
     assert path.read_bytes() == whole
-    assert make() == ["data"]
+    assert asked(here) == ["data", "summary"]
 
 
-def test_a_report_that_came_with_git_pull_stays_until_the_report_is_made_again(make, tmp_path):
-    make()
-    (tmp_path / "paper/report.pdf").write_text("pulled")
-    make("notebooks")
-    assert (tmp_path / "paper/report.pdf").read_text() == "pulled"
+def test_the_environment_of_a_class_packs_the_lab_where_there_is_no_other(tmp_path):
+    project(tmp_path)
+    shutil.rmtree(tmp_path / ".venv")
+    ready(tmp_path, ".build/class")
+    assert asked(tmp_path, "lab") == ["lab"]
 
 
 def test_help_names_every_target_that_is_not_a_file(tmp_path):
     shutil.copy(ROOT / "Makefile", tmp_path)
-    told = run("make", "help", cwd=tmp_path, path=os.environ["PATH"]).stdout
+    named = re.findall(r"^make (\w+) +\w", make(tmp_path, "help").stdout, re.M)
     phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.M)[1].split()
-    assert re.findall(r"^make (\w+) +\w", told, re.M) != []
-    assert {*re.findall(r"^make (\w+) +\w", told, re.M)} == {*phony} - {"help", "FORCE"}
+    assert {*named} == {*phony} - {"help", "FORCE"}
+
+
+def test_nothing_of_the_users_own_set_up_reaches_a_command(tmp_path):
+    script(project(tmp_path) / ".venv/bin/python", "#!/bin/sh\nenv > seen\n")
+    theirs = {"PYTHONPATH": "x", "PYTHONWARNINGS": "error", "PYTHONHASHSEED": "7", "MATPLOTLIBRC": "x"}
+    run("make", f"PYTHON={sys.executable}", "data", cwd=tmp_path, path=os.defpath, **theirs, TEXINPUTS="x")
+    seen = dict(line.split("=", 1) for line in (tmp_path / "seen").read_text().splitlines())
+    texs = {"TEXMFHOME", "TEXMFCONFIG", "TEXMFVAR"}
+    assert {name for name in seen if name.startswith(("PYTHON", "TEX"))} == {"PYTHONHASHSEED", "PYTHONUTF8", *texs}
+    assert {name: seen[name] for name in REPRODUCIBLE} == REPRODUCIBLE
+    assert seen["MATPLOTLIBRC"] == os.devnull
 
 
 # --- Environment -----------------------------------------------------------------------------------------------------
@@ -223,83 +243,109 @@ def test_help_names_every_target_that_is_not_a_file(tmp_path):
 def test_without_a_fitting_python_make_says_so_in_one_line(tmp_path):
     for name in ("Makefile", "environment.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
-    done = run("make", "-j1", "PYTHON=python3.11-missing", cwd=tmp_path, path=os.environ["PATH"])
-    ours, _ = done.stderr.splitlines()  # the second is make's own
-    assert ours.startswith("homing: 'python3.11-missing'")
-    assert "apt-get install" in ours
+    done = make(tmp_path, "PYTHON=python3.11-missing")
+    (line,) = done.stderr.splitlines()
+    assert "homing: 'python3.11-missing'" in line
+    assert "apt-get install" in line
     assert done.returncode != 0
     assert not (tmp_path / ".venv").exists()
 
 
-def planned(folder: Path, *arguments: str) -> str:
-    """What make would do for an environment, where the first Python that works is 3.12."""
-    for name in ("Makefile", "environment.lock", "pyproject.toml"):
-        shutil.copy(ROOT / name, folder)
+@pytest.fixture
+def bare(tmp_path) -> Path:
+    """A project without an environment, where the first Python that works is 3.12."""
+    folder = tmp_path / "here"
     script(folder / "bin/python3.11", "#!/bin/sh\nexit 127\n")  # as pyenv's, for a version that is not chosen
     for minor in (12, 13):
-        answer = f"#!/bin/sh\ncase $2 in *python3*) echo python3.{minor} ;; *) echo 3.{minor} ;; esac\n"
-        script(folder / f"bin/python3.{minor}", answer)
-    done = run("make", "-n", *arguments, ".venv/.ready", cwd=folder, path=f"{folder}/bin:{os.environ['PATH']}")
+        script(folder / f"bin/python3.{minor}", f'#!/bin/sh\ncase "$2" in *sys*) echo 3.{minor} ;; esac\n')
+    for name in ("Makefile", "environment.lock"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def planned(folder: Path, *arguments: str) -> str:
+    """What make would do for an environment."""
+    done = run("make", "-n", *arguments, ".venv/.ready", cwd=folder, path=f"{folder}/bin:{os.defpath}")
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def test_the_first_python_that_answers_is_taken_and_pybullet_alone_compiled_where_it_has_no_wheel(tmp_path):
-    plan = planned(tmp_path)
-    assert "python3.12 -m venv .venv\n" in plan
-    assert "compiling" in plan
-    assert "--only-binary :all: --no-binary pybullet --require-hashes" in plan
+def test_the_first_python_that_works_is_taken_or_the_one_that_is_named(bare):
+    assert planned(bare) == "python3.12 .ci/environment.py .venv environment.lock\n"
+    assert planned(bare, "PYTHON=python3.13") == "python3.13 .ci/environment.py .venv environment.lock\n"
 
 
-def test_an_environment_of_another_python_is_made_anew_and_one_of_the_same_is_kept(tmp_path):
-    (tmp_path / ".venv").mkdir()
-    planned(tmp_path)
-    (tmp_path / ".venv/.locked-3.12").touch()
-    (tmp_path / ".venv/.ready").touch()
-    assert "up to date" in planned(tmp_path, "--assume-old=environment.lock", "--assume-old=pyproject.toml")
-    assert "rm -rf .venv\npython3.13 -m venv .venv\n" in planned(tmp_path, "PYTHON=python3.13")
+def test_an_environment_is_kept_and_one_of_another_python_or_that_was_copied_is_made_anew(bare):
+    (bare / ".venv").mkdir()
+    (bare / ".venv/.ready").write_text(f"3.12 {bare}\n")
+    assert "up to date" in planned(bare)
+    assert "environment.py" in planned(bare, "PYTHON=python3.13")
+    shutil.copytree(bare, copy := bare.with_name("it's a copy"))
+    assert "environment.py" in planned(copy)
 
 
-@pytest.mark.parametrize("user", [0, 1000])
-@pytest.mark.parametrize(
-    ("asked", "more"), [((), ""), (("lectures",), " texlive-pictures")], ids=["report", "lectures"]
-)
-def test_without_latex_root_gets_it_and_others_are_told_the_command(asked, more, user, tmp_path):
-    script(tmp_path / "id", f"#!/bin/sh\necho {user}\n")
-    script(tmp_path / "sudo", "#!/bin/sh\nexit 1\n")
-    script(tmp_path / "apt-get", f'#!/bin/sh\necho "$*" >> {tmp_path}/log\n')
-    (tmp_path / "env").symlink_to("/usr/bin/env")
-    done = run(ROOT / "paper/install-tex.sh", *asked, cwd=tmp_path, path=str(tmp_path))
-    packages = f"--no-install-recommends latexmk texlive-latex-recommended lmodern{more}"
-    if user == 0:
-        assert done.returncode == 0
-        wait = "-o DPkg::Lock::Timeout=600"
-        assert (tmp_path / "log").read_text() == f"{wait} update -q\n{wait} install -q -y {packages}\n"
-    else:
-        assert done.returncode == 1
-        (line,) = done.stderr.splitlines()
-        assert line.startswith("homing: ")
-        assert line.endswith(f"sudo apt-get install {packages}")
-        assert not (tmp_path / "log").exists()
+PIP = """
+import os, sys
+if sys.argv[1:] == ["config", "list"]:
+    print("global.index-url='https://a'\\nglobal.user='1'\\ninstall.index-url='https://b'\\n:env:.target='/c'")
+else:
+    print(*sys.argv[1:], *sorted(name for name in os.environ if name[:4] == "PIP_"), os.environ["PIP_INDEX_URL"])
+"""
+VENV = "import subprocess, sys\nsubprocess.run([sys.executable, '-Im', 'venv', '--without-pip', *sys.argv[1:]])\n"
 
 
-def test_the_lock_of_the_lists_is_waited_for_and_where_latex_cannot_be_had_that_is_one_line(tmp_path):
-    script(tmp_path / "id", "#!/bin/sh\necho 0\n")
-    script(tmp_path / "sleep", f"#!/bin/sh\necho slept >> {tmp_path}/log\n")
-    (tmp_path / "env").symlink_to("/usr/bin/env")
-    script(tmp_path / "apt-get", f"#!/bin/sh\n[ -e {tmp_path}/log ]\n")  # locked once, then everything goes well
-    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
-    assert (done.returncode, (tmp_path / "log").read_text()) == (0, "slept\n")
-    script(tmp_path / "apt-get", "#!/bin/sh\nexit 100\n")
-    done = run(ROOT / "paper/install-tex.sh", cwd=tmp_path, path=str(tmp_path))
-    (line,) = done.stderr.splitlines()
-    assert done.returncode == 1
+def test_an_environment_has_the_library_beside_it_wherever_it_is_copied_and_the_users_sources_alone(tmp_path):
+    home = tmp_path / "höme"
+    script(home / "homing_lib/__init__.py", "")
+    script(home / "pip.py", PIP)  # found here before those of Python
+    script(home / "venv.py", VENV)
+    here = {"PIP_TARGET": "/c", "LC_ALL": "C"}
+    done = run(sys.executable, ROOT / ".ci/environment.py", ".venv", "lock", cwd=home, path=os.defpath, **here)
+    assert done.returncode == 0, done.stderr
+    said, locked, package = done.stdout.splitlines()
+    assert said.startswith(".venv: ")
+    settings = "PIP_CONFIG_FILE PIP_DISABLE_PIP_VERSION_CHECK PIP_INDEX_URL https://b"
+    assert locked.endswith(f"--require-hashes -r lock {settings}")
+    assert package.endswith(f"--no-deps --no-build-isolation -e . {settings}")
+    assert (home / ".venv/.ready").read_text(encoding="utf-8") == f"{VERSION} {home}\n"
+    shutil.copytree(home, copy := tmp_path / "cöpy", symlinks=True)
+    (copy / "elsewhere").mkdir()
+    program = "import homing_lib, os; print(ascii(homing_lib.__file__))"
+    found = run(copy / ".venv/bin/python", "-c", program, cwd=copy / "elsewhere", path=os.defpath, LC_ALL="C")
+    assert found.stdout == ascii(f"{copy}/homing_lib/__init__.py") + "\n", found.stderr
+
+
+def installing(folder: Path, user: int, apt: str, *arguments: str) -> tuple[int, list[str], str]:
+    """Where LaTeX is missing: the code of its installation, what it says, and what apt-get was asked at last."""
+    script(folder / "id", f"#!/bin/sh\necho {user}\n")
+    script(folder / "sudo", "#!/bin/sh\nexit 1\n")
+    script(folder / "sleep", "#!/bin/sh\n: > slept\n")
+    script(folder / "apt-get", f'#!/bin/sh\necho "$*" >> log\n{apt}\n')
+    (folder / "env").symlink_to("/usr/bin/env")
+    done = run(ROOT / "paper/install-tex.sh", *arguments, cwd=folder, path=str(folder))
+    log = folder / "log"
+    return done.returncode, done.stderr.splitlines(), log.read_text().splitlines()[-1] if log.exists() else ""
+
+
+WANTED = "--no-install-recommends latexmk texlive-latex-recommended lmodern"
+
+
+@pytest.mark.parametrize(("arguments", "more"), [((), ""), (("lectures",), " texlive-pictures")])
+def test_without_latex_root_gets_it_and_others_are_told_the_command(arguments, more, tmp_path):
+    code, said, asked_last = installing(tmp_path, 0, "[ -e slept ]", *arguments)  # whose lists are locked at first
+    assert (code, said) == (0, [])
+    assert asked_last.endswith(f" install -q -y {WANTED}{more}")
+    (others := tmp_path / "others").mkdir()
+    code, (line,), asked_last = installing(others, 1000, "", *arguments)
+    assert (code, asked_last) == (1, "")
     assert line.startswith("homing: ")
+    assert line.endswith(f"sudo apt-get install {WANTED}{more}")
 
 
-def test_notebooks_run_under_the_settings_of_the_makefile():
-    exported = dict(re.findall(r"^export (\w+) := (.*)$", (ROOT / "Makefile").read_text(), re.M))
-    assert {name: exported[name] for name in REPRODUCIBLE} == REPRODUCIBLE
+def test_where_latex_cannot_be_had_that_is_one_line(tmp_path):
+    code, (line,), _ = installing(tmp_path, 0, "exit 100")
+    assert code == 1
+    assert line.startswith("homing: ")
 
 
 def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
@@ -308,9 +354,7 @@ def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
     packages = re.findall(r"^(\S+)==(\S+)(?: ;.*)? \\\n    --hash=sha256:", lock, flags=re.MULTILINE)
     assert len(packages) == len(re.findall(r"^\w", lock, flags=re.MULTILINE))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [
-        *project["dependencies"],
-        *(one for some in ("camera", "dev") for one in project["optional-dependencies"][some]),
-    ]
+    optional = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *optional["camera"], *optional["dev"]]
     names = {re.match(r"[\w-]+", dependency)[0].replace("_", "-") for dependency in wanted}
     assert names <= {name for name, _ in packages}

@@ -1,13 +1,14 @@
 """The `homing` command: a verb for all that is computed, built or looked up. What is slow to load, a verb loads."""
 
+import io
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,23 +24,42 @@ RENAMED = {"sweep": "data NAME", "report": "numbers"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code. A user's mistake is one line on standard error."""
+    prepare_streams()
+    code = 0
     try:
         # Not click's own `main`, which ends with a code of its own when the reader of a pipe has gone.
         with homing.make_context("homing", list(sys.argv[1:] if arguments is None else arguments)) as context:
             homing.invoke(context)
         sys.stdout.flush()
     except click.exceptions.Exit as end:  # of --help
-        return end.exit_code
+        code = end.exit_code
     except BrokenPipeError:  # the reader, `head` for instance, has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + 13  # as if SIGPIPE had ended it
+        code = 128 + 13  # as if SIGPIPE had ended it
     except (click.UsageError, UserError, OSError) as error:
         print(f"homing: {_one_line(error)}", file=sys.stderr)
-        return 1
+        code = 1
     except KeyboardInterrupt:
         print(f"homing: interrupted; {RESUMES}", file=sys.stderr)
-        return 130
-    return 0
+        code = 130
+    try:
+        sys.stdout.flush()
+    except OSError:  # given up, or Python would try once more when it ends, and complain
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code
+
+
+def prepare_streams() -> None:
+    """Let the standard streams take whatever is printed.
+
+    One that is closed leads nowhere, so that no file which is opened later takes its number and with it what other
+    libraries print. A letter that the encoding of an output lacks is printed as its number.
+    """
+    for name, mode in {"stdin": "r", "stdout": "w", "stderr": "w"}.items():
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115, for good
+        elif mode == "w" and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _one_line(error: Exception) -> str:
@@ -48,6 +68,8 @@ def _one_line(error: Exception) -> str:
         message = f"{error.format_message()} See `{error.ctx.command_path if error.ctx else 'homing'} --help`"
     elif isinstance(error, OSError) and error.filename:
         message = f"{os.fsdecode(error.filename)}: cannot be used ({error.strerror}); move it away or choose another"
+    elif isinstance(error, OSError):
+        message = f"the output cannot be written ({error.strerror or error})"
     else:
         message = str(error)
     line = "".join(letter if letter.isprintable() else "?" for letter in " ".join(message.split()))
@@ -78,12 +100,7 @@ def homing() -> None:
 
 # --- Runs and data ---------------------------------------------------------------------------------------------------
 
-
-def _seed(default: int, whose: str = "") -> Callable[..., Any]:
-    text = f"By default {default}{whose}."
-    return click.option("--seed", type=click.IntRange(0, 10**18 - 1), default=default, metavar="N", help=text)
-
-
+SEED = click.IntRange(0, 10**18 - 1)
 _changes = click.option("--set", "changes", multiple=True, metavar="NAME=VALUE", help="Change a setting; repeatable.")
 
 
@@ -99,7 +116,7 @@ def changed_settings(changes: Iterable[str], settings: "Settings | None" = None)
 
 
 @homing.command()
-@_seed(0)
+@click.option("--seed", type=SEED, default=0, metavar="N", show_default=True)
 @_changes
 @click.option("--out", type=Path, metavar="FILE.npz", help="Store the run.")
 @click.option("--as-printed", is_flag=True, help="Start from the paper's letter, not from our choices.")
@@ -127,7 +144,7 @@ def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool)
 
 
 @homing.command()
-@_seed(1000, ", of the stored runs")
+@click.option("--seed", type=SEED, default=1000, metavar="N", help="By default 1000, of the stored runs.")
 @_changes
 @click.option("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run.")
 @click.option("--out", type=Path, default=Path("film.mp4"), metavar="FILE", show_default=True)
@@ -177,6 +194,7 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
         raise click.UsageError("--cluster: the address is empty; give that of a scheduler, or leave the option out.")
     if names and stamp:
         raise click.UsageError("--stamp is of all data: not together with a NAME.")
+    needs_clone()
     for study, done in sweep.compute(names, workers=workers, cluster=cluster, force=force):
         if names:
             print(f"{study.name}: {done} runs computed, {len(study)} stored", flush=True)
@@ -203,8 +221,14 @@ def studies() -> None:
 @homing.command()
 def verify() -> None:
     """Repeat a stored run live and compare it to the bit."""
+    from homing_lib.atlas import camera_available
     from homing_lib.study import studies, sweep
 
+    if not camera_available():
+        raise UserError(
+            "the stored run was rendered by PyBullet, which is not installed: `pip install pybullet` builds it (some "
+            "minutes where there is no wheel, and a C++ compiler)"
+        )
     print(sweep.verify(studies.HEADLINE))
 
 
@@ -260,7 +284,7 @@ def notebook(name: str, profile: str, output_dir: Path | None, figures_dir: Path
     """Execute a notebook and list what it wrote."""
     from homing_lib.publish import notebooks
 
-    _list(notebooks.execute(name, profile, output_dir, figures_dir))
+    print_paths(notebooks.execute(name, profile, output_dir, figures_dir))
 
 
 @homing.command()
@@ -272,7 +296,7 @@ def numbers(latex: bool) -> None:
     if latex:
         print(report.latex())
         return
-    _list(prose.update())
+    print_paths(prose.update())
     for line in [*prose.broken(), *prose.unpinned()]:
         print(f"homing: {line}", file=sys.stderr)
 
@@ -283,7 +307,7 @@ def demo() -> None:
     from homing_lib.publish import demo
 
     demo.write()
-    _list([demo.PAGE])
+    print_paths([demo.PAGE])
 
 
 @homing.command()
@@ -292,22 +316,27 @@ def site() -> None:
     from homing_lib.publish import site
 
     site.write()
-    _list([site.SITE / "index.html"])
+    print_paths([site.SITE / "index.html"])
 
 
 @homing.command()
 def lectures() -> None:
     """Two lectures on slides, and their notes: runs `make lectures`, which needs LaTeX."""
-    from homing_lib.study.runs import missing
-
-    if not (ROOT / "Makefile").exists():
-        raise missing(ROOT / "Makefile", "missing; restore it with git")
+    needs_clone()
     if not (make := shutil.which("make")):
         raise UserError("lectures: they are built by make, which is not installed")
     if subprocess.run([make, "-C", ROOT, "lectures"], check=False).returncode:
         raise UserError("lectures: `make lectures` failed; see above")
 
 
-def _list(paths: Iterable[Path]) -> None:
+def needs_clone() -> None:
+    """Refuse where there is no clone of the repository, so that nothing is computed or built elsewhere."""
+    from homing_lib.study.runs import missing
+
+    if not (makefile := ROOT / "Makefile").exists():
+        raise missing(makefile, "missing, so this is no whole clone; restore it with git, or clone the repository")
+
+
+def print_paths(paths: Iterable[Path]) -> None:
     for path in paths:
         print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

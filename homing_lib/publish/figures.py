@@ -4,6 +4,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from homing_lib.errors import UserError, shown
 from homing_lib.publish.style import house_style
 from homing_lib.storage import ROOT, atomic_write
 from homing_lib.study import findings
@@ -14,7 +15,7 @@ def save(figure: Figure, figures_dir: str | Path | None, name: str) -> None:
 
     Without a folder nothing is written: a notebook that is run by hand only shows its figures.
     """
-    if figures_dir is None:
+    if not figures_dir:
         return
     for kind, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
         with atomic_write(Path(figures_dir) / f"{name}.{kind}") as part, house_style():
@@ -37,3 +38,9 @@ def stored(name: str) -> None:
     print(f"This needs PyBullet, which this Python lacks. Drawn earlier: figures/{name}.png")
     if path.exists():
         display.display(display.Image(path))  # type: ignore[no-untyped-call]
+
+
+def check_profile(profile: str) -> None:
+    """Refuse a notebook's parameter that is not one of its two profiles. Raises UserError."""
+    if profile not in ("full", "quick"):
+        raise UserError(f"profile = {shown(profile)}: expected 'full' or 'quick'")

@@ -20,15 +20,17 @@ from typing import Any
 import nbformat
 from traitlets.config import Config
 
+import homing_lib
 from homing_lib.errors import UserError
 from homing_lib.storage import ROOT, atomic_write, write_bytes
 from homing_lib.study.runs import missing
 
 NOTEBOOKS = ROOT / "notebooks"
-PARAMETERS = ('profile = "full"', "figures_dir = None")
 # As in the Makefile, so that a notebook run without make gives the same bytes.
 REPRODUCIBLE = dict.fromkeys(("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-REPRODUCIBLE |= {"PYTHONHASHSEED": "0", "SOURCE_DATE_EPOCH": "1767225600"}
+REPRODUCIBLE |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "SOURCE_DATE_EPOCH": "1767225600"}
+
+LONGEST_SOCKET = 90  # bytes of a path, of the 104 that all systems allow, less what Jupyter adds
 
 Notebook = Any  # nbformat.NotebookNode: a dict whose keys are attributes too
 
@@ -39,11 +41,10 @@ def execute(
     """Run notebooks/<name>.ipynb (or any path) and return the files written: the executed copy, then the figures.
 
     The copy goes to output_dir (by default executed/ beside the notebook), the figures to figures_dir (../figures).
-    Raises UserError with one line if a cell fails; the copy of an earlier run then stays as it was.
+    Raises UserError with one line if one of them cannot be written, before anything is run, or if a cell fails; the
+    copy of an earlier run then stays as it was.
     """
-    import papermill  # slow to import, and only needed here
-    from nbclient.exceptions import DeadKernelError
-    from papermill.exceptions import PapermillExecutionError
+    from papermill.translators import PythonTranslator
 
     source = find(name)
     output_dir = (output_dir or source.parent / "executed").absolute()
@@ -51,45 +52,55 @@ def execute(
     for folder in (output_dir, figures_dir):
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
         except OSError as error:
             raise UserError(f"{folder}: no folder to write to ({error.strerror})") from None
 
     with isolated() as scratch:
-        drawn = Path(scratch, "figures")  # its own, since another notebook may be writing to figures_dir
+        drawn = scratch / "figures"  # its own, since another notebook may be writing to figures_dir
         drawn.mkdir()
         parameters = {"figures_dir": str(drawn)} | ({"profile": profile} if profile != "full" else {})
-        # Files rather than ports where there are such, since two kernels that start at once race for a port.
-        channel = {} if os.name == "nt" else {"transport": "ipc", "ip": f"{scratch}/kernel"}
-        try:
-            executed = papermill.execute_notebook(
-                str(source),
-                None,
-                parameters=parameters,
-                kernel_name="python3",
-                language="python",
-                cwd=str(source.parent),
-                progress_bar=sys.stderr.isatty(),
-                config=Config(KernelManager=channel),
-                extra_arguments=["--log-level=CRITICAL"],  # the kernel calls its own shutdown an error
-            )
-        except PapermillExecutionError as error:
-            what = f"{error.ename}: {error.evalue}".strip().splitlines()[0]
-            line = error.source.strip().splitlines()[0]
-            raise UserError(f"{source.name}, cell [{error.exec_count}] `{line}`: {what}") from None
-        except DeadKernelError:
-            raise UserError(f"{source.name}: its process died; short of memory?") from None
+        executed = run_cells(source, parameters, scratch)
         figures = {figures_dir / path.name: path.read_bytes() for path in sorted(drawn.iterdir())}
-        for path, content in figures.items():
-            write_bytes(path, content)
-
+    for path, content in figures.items():
+        write_bytes(path, content)
     normalise(executed, nbformat.read(source, as_version=4))
     place = Path(os.path.relpath(figures_dir, source.parent.resolve())).as_posix()
     for cell in executed.cells:
-        cell.source = cell.source.replace(str(drawn), place)
+        cell.source = cell.source.replace(*map(PythonTranslator.translate, (str(drawn), place)))
     copy = output_dir / source.name
     with atomic_write(copy) as part:
         nbformat.write(executed, part)
     return [copy, *figures]
+
+
+def run_cells(source: Path, parameters: dict[str, str], scratch: Path) -> Notebook:
+    """The notebook with what its cells give under these parameters. Raises UserError if one fails."""
+    import papermill  # slow to import, and only needed here
+    from nbclient.exceptions import DeadKernelError
+    from papermill.exceptions import PapermillExecutionError
+
+    # Files rather than ports where there can be such, since two kernels that start at once race for a port.
+    sockets = str(scratch / "kernel")
+    by_file = os.name != "nt" and len(os.fsencode(sockets)) <= LONGEST_SOCKET
+    try:
+        return papermill.execute_notebook(
+            str(source),
+            None,
+            parameters=parameters,
+            kernel_name="python3",
+            language="python",
+            cwd=str(source.parent),
+            progress_bar=sys.stderr.isatty(),
+            config=Config(KernelManager={"transport": "ipc", "ip": sockets} if by_file else {}),
+            extra_arguments=["--log-level=CRITICAL"],  # the kernel calls its own shutdown an error
+        )
+    except PapermillExecutionError as error:
+        what = f"{error.ename}: {error.evalue}".strip().splitlines()[0]
+        line = error.source.strip().splitlines()[0]
+        raise UserError(f"{source.name}, cell [{error.exec_count}] `{line}`: {what}") from None
+    except DeadKernelError:
+        raise UserError(f"{source.name}: its process died; short of memory?") from None
 
 
 def find(name: str) -> Path:
@@ -131,43 +142,31 @@ def _stable(outputs: list[Notebook]) -> list[Notebook]:
     return kept
 
 
-def problems(source: Path) -> list[str]:
-    """What keeps a source notebook from being one: stored results, no stable cell ids, no `parameters` cell."""
-    notebook = nbformat.read(source, as_version=nbformat.NO_CONVERT)
-    if (notebook.nbformat, notebook.nbformat_minor) < (4, 5):
-        return [f"{source.name}: format {notebook.nbformat}.{notebook.nbformat_minor} has no cell ids; save it as 4.5"]
-    found = []
-    if any(cell.get("outputs") or cell.get("execution_count") for cell in notebook.cells):
-        remedy = f"jupyter nbconvert --clear-output --inplace {source.name}"
-        found.append(f"{source.name}: has outputs; clear them: {remedy}")
-    tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
-    if len(tagged) != 1 or any(line not in tagged[0] for line in PARAMETERS):
-        found.append(f"{source.name}: needs one cell tagged 'parameters' that says: {'; '.join(PARAMETERS)}")
-    return found
-
-
 @contextmanager
-def isolated() -> Iterator[str]:
+def isolated() -> Iterator[Path]:
     """While this lasts, Jupyter and kernels know this Python environment alone, and nothing of the user's own set-up.
 
     Yields a folder for what they write. Figures are drawn inline, to the same bytes.
     """
-    import matplotlib
-
-    with tempfile.TemporaryDirectory() as scratch:
+    # The sockets of a kernel must not have long paths, which temporary folders have on clusters.
+    long = len(os.fsencode(tempfile.gettempdir())) > LONGEST_SOCKET - 20 and os.access("/tmp", os.W_OK)
+    with tempfile.TemporaryDirectory(dir="/tmp" if long else None) as scratch:
         before = os.environ.copy()
-        os.environ.pop("PYTHONSTARTUP", None)  # which IPython runs in kernels, too
+        for name in before:
+            if name.startswith(("PYTHON", "IPYTHON", "JUPYTER")):
+                del os.environ[name]
         os.environ.update(
             dict.fromkeys(("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"), scratch),
             JUPYTER_PATH=f"{sys.prefix}/share/jupyter",
             JUPYTER_PLATFORM_DIRS="1",
-            MATPLOTLIBRC=f"{matplotlib.get_data_path()}/matplotlibrc",
+            MATPLOTLIBRC=os.devnull,
             MPLBACKEND="module://matplotlib_inline.backend_inline",
             PYDEVD_DISABLE_FILE_VALIDATION="1",
+            PYTHONPATH=str(Path(homing_lib.__file__).parents[1]),  # the same library in the kernel as here
             **REPRODUCIBLE,
         )
         try:
-            yield scratch
+            yield Path(scratch)
         finally:
             os.environ.clear()
             os.environ.update(before)
