@@ -1,6 +1,5 @@
 """A headless Chromium that a test drives: opens a page, acts like a user, and notes what the page says and asks for."""
 
-import base64
 import json
 import shlex
 import shutil
@@ -113,9 +112,14 @@ class Browser:
 
     def drag(self, *places: tuple[float, float]) -> None:
         """Press at the first place, move to the others, let go at the last."""
-        moves = [("mouseMoved", place) for place in places[1:]]
-        for kind, (x, y) in (("mousePressed", places[0]), *moves, ("mouseReleased", places[-1])):
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+        self.mouse("mousePressed", places[0])
+        for place in places[1:]:
+            self.mouse("mouseMoved", place)
+        self.mouse("mouseReleased", places[-1])
+
+    def mouse(self, kind: str, place: tuple[float, float]) -> None:
+        x, y = place
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
     def press(self, *keys: str) -> None:
         for key in keys:
@@ -126,8 +130,3 @@ class Browser:
 
     def type(self, text: str) -> None:
         self.call("Input.insertText", text=text)
-
-    def screenshot(self, path: Path) -> None:
-        """The whole page, also what is below the fold."""
-        picture = self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"]
-        path.write_bytes(base64.b64decode(picture))

@@ -72,15 +72,6 @@ def in_room(browser: Browser, *places: tuple[float, float]) -> list[tuple[float,
     )
 
 
-def test_twenty_episodes_are_played_as_the_library_plays_them(browser):
-    opened(browser, "view=robot&seed=3&rule=hestenes-stiefel")
-    browser.click("#robot-all")
-    browser.until("!player.mode")
-    ours = agent.run(Settings(images="compact", lambda_rule="hestenes-stiefel"), 3)
-    assert browser(LENGTHS) == ours.lengths.tolist()
-    assert title(browser, "r-curve").startswith("Seed 3 only")
-
-
 def test_a_run_is_played_paused_and_made_step_by_step(browser):
     opened(browser, "view=robot")
     browser.click("#robot-play")
@@ -152,12 +143,6 @@ def test_a_rule_of_ones_own_is_typed_and_a_wrong_one_is_explained_while_the_last
 # --- Rules beside each other -----------------------------------------------------------------------------------------
 
 
-def test_every_rule_can_be_chosen(browser):
-    opened(browser, "")
-    offered = browser("[...at('rule').options].map((option) => option.value).sort()")
-    assert offered == sorted([*browser("Object.keys(RULES)"), "fixed", "own"])
-
-
 def test_a_rule_is_compared_over_seeds_with_those_chosen_before_it(browser):
     """The links to try lead there, every run is the library's, and the title holds what they come to."""
     opened(browser, "view=robot")
@@ -200,40 +185,33 @@ def test_at_most_three_rules_are_kept_and_each_can_be_dropped(browser):
 # --- The walk --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rule", ["gate", "gate:opposite", "fletcher-reeves&reset=0"])
-def test_a_trace_of_one_has_the_same_colour_with_every_rule(browser, rule):
-    """And the value is told of the cell that is clicked."""
-    opened(browser, f"rule={rule}&at=300")
+def test_the_cell_of_the_trace_that_is_clicked_says_its_value(browser):
+    opened(browser, "rule=fletcher-reeves&reset=0&at=300")
     title(browser, "w-trace")
-    step, row, x, y, pixel = browser(
+    step, row, place = browser(
         """(() => {
           const { canvas } = CHARTS.find((chart) => chart.canvas.id === "w-trace"), { steps } = walkView, u = unit();
-          const { x } = timeAxis(canvas.clientWidth, steps.length);
           const step = steps.findLastIndex((one, k) => k < steps.length - 1 && one.trace.includes(1));
           const row = steps[step].trace.indexOf(1), [top, bottom] = [44 * u, 0.5 * canvas.clientHeight];
-          const [px, py] = [x(step), bottom - ((row + 0.5) * (bottom - top)) / STATES];
-          const { data } = canvas.getContext("2d").getImageData(px * devicePixelRatio, py * devicePixelRatio, 1, 1);
           canvas.scrollIntoView({ block: "center" });
-          const moved = canvas.getBoundingClientRect();
-          return [step, row, moved.x + px, moved.y + py, [...data].slice(0, 3)];
+          const { left, top: edge } = canvas.getBoundingClientRect();
+          const across = timeAxis(canvas.clientWidth / u, steps.length).x(step) * u;
+          return [step, row, [left + across, edge + bottom - ((row + 0.5) * (bottom - top)) / STATES]];
         })()"""
     )
-    brightest = browser("DATA.cividis.at(-1)")
-    assert pixel == [int(brightest[k : k + 2], 16) for k in (1, 3, 5)]
-    browser.drag((x, y))
+    browser.drag(place)
     browser.until("state.row >= 0")
     said = title(browser, "w-trace")
-    assert f"step {step + 1} " in said
-    assert f"state {row} is 1." in said
+    assert all(part in said for part in (f"step {step + 1} ", f"state {row} is 1.", "(traces above 0.01)"))
 
 
 def test_the_walk_measures_its_rules_as_the_stored_study(browser):
     opened(browser, "rule=gate&with=gate:opposite")
-    browser("drained(walkView.comparing())")
+    browser("DATA.stepSizes.splice(2); [...walkView.comparing()].length")
     assert "(mean of 20 seeds)" in title(browser, "w-error")
     browser("walkView.known.forEach((runs) => runs.splice(2))")
     for rule in ("gate", "gate:opposite"):
-        stored = [[walk.learning(rule, 1000 + seed, size).mean() for size in walk.STEP_SIZES] for seed in range(2)]
+        stored = [[walk.learning(rule, 1000 + seed, size).mean() for size in walk.STEP_SIZES[:2]] for seed in range(2)]
         theirs = browser(f"walkView.sweep('{rule}').map(({{ error }}) => error)")
         assert theirs == pytest.approx(np.mean(stored, axis=0).tolist(), abs=1e-12)
 
@@ -272,20 +250,21 @@ def test_a_robot_is_frozen_and_learns_on(browser):
     assert browser("[state.frozen, robotView.frozen, at('frozen').checked]") == ["", False, False]
 
 
-def test_the_links_to_frozen_robots_freeze_them_after_ten_episodes(browser):
+def test_the_page_understands_every_link_of_its_own(browser):
     opened(browser, "view=robot")
-    links = browser("[...document.querySelectorAll('a[href*=frozen]')].map((a) => a.getAttribute('href'))")
-    assert len(links) == 2
-    for link in links:
-        opened(browser, link)
-        assert browser("robotView.experiment.episodes.map((episode) => episode.frozen)") == [0] * 10
-        assert browser("robotView.steps.map((step) => step.frozen)") == [True] * 300
+    links = "[...document.querySelectorAll('main a')].map((a) => a.getAttribute('href'))"
+    assert len(browser(links)) > 10
+    assert browser(f"{links}.map((link) => readAddress(link)).filter(Boolean)") == []
+    frozen = browser(f"{links}.filter((link) => link.includes('frozen'))")
+    opened(browser, frozen[0])
+    assert browser("robotView.experiment.episodes.map((episode) => episode.frozen)") == [0] * 10
+    assert browser("robotView.steps.every((step) => step.frozen)")
 
 
 def test_the_start_is_dragged_and_turned_and_a_robot_under_way_is_kidnapped_where_it_fits(browser):
     opened(browser, "view=robot")
     x, y, heading = browser("Object.values(robotView.experiment.env.start)")
-    ahead = browser("handleAt(roomScale(at('r-room').clientWidth).scale)")
+    ahead = browser("handleAt(roomScale(at('r-room').clientWidth / unit()).scale)")
     ring = x + ahead * np.cos(heading), y + ahead * np.sin(heading)
     browser.drag(*in_room(browser, ring, (x + 0.1, y + 0.1), (x, y + 0.2)))
     assert browser("Object.values(robotView.experiment.env.start)") == pytest.approx([x, y, np.pi / 2], abs=0.02)
@@ -304,7 +283,11 @@ def test_the_start_is_dragged_and_turned_and_a_robot_under_way_is_kidnapped_wher
 def test_a_trained_robot_that_is_put_down_after_its_last_episode_drives_on(browser):
     opened(browser, "view=robot&made=50000&seed=2")
     x, y = browser("[robotView.pose.x, robotView.pose.y]")
-    browser.drag(*in_room(browser, (x, y), (0.5, 0.4), (0.4, 0.3)))
+    held, there = in_room(browser, (x, y), (0.4, 0.3))
+    browser.mouse("mousePressed", held)
+    browser.mouse("mouseMoved", there)
+    assert "episode 21 begins here, with all that it has learnt" in title(browser, "r-room")
+    browser.mouse("mouseReleased", there)
     assert browser("player.mode") == "play"
     browser.until("robotView.experiment.underWay && robotView.steps.length > 2")
     browser("player.pause()")
@@ -312,7 +295,61 @@ def test_a_trained_robot_that_is_put_down_after_its_last_episode_drives_on(brows
     assert browser("[state.more, state.start]") == [1, ""]
 
 
+def test_a_robot_that_is_carried_while_it_plays_plays_on(browser):
+    opened(browser, "view=robot")
+    browser.click("#robot-play")
+    browser.until("robotView.steps.length > 2")
+    browser.click("#robot-kidnap")
+    browser.until(f"state.made > {browser('state.made')} + 2")
+    held, there = in_room(browser, browser("[robotView.pose.x, robotView.pose.y]"), (0.4, 0.3))
+    browser.mouse("mousePressed", held)
+    made = browser("state.made")
+    browser("new Promise((done) => setTimeout(done, 400))")
+    assert browser("state.made") == made  # while it is held
+    browser.mouse("mouseMoved", there)
+    browser.mouse("mouseReleased", there)
+    browser.until(f"player.mode === 'play' && state.made > {made} + 2")
+    assert browser("state.kidnap.split(';').length") == 2
+
+
 # --- Everybody -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", ["-3", "1.5"])
+def test_what_is_no_seed_is_refused_with_a_word_and_the_run_stays(browser, seed):
+    opened(browser, "seed=2&at=30")
+    browser.click("#seed")
+    browser("at('seed').select()")
+    browser.type(seed)
+    browser.press("Enter")
+    browser("at('seed').blur()")
+    assert browser("at('message').textContent").startswith("A seed is a whole number")
+    assert browser("[state.seed, walkView.steps.length > 0]") == [2, True]
+
+
+def test_on_a_phone_the_room_is_in_sight_and_play_moves_the_robot_in_it(browser):
+    browser.resize(390, 844)
+    opened(browser, "view=robot")
+    title(browser, "r-room")
+    top, bottom = browser("['top', 'bottom'].map((end) => at('r-room').getBoundingClientRect()[end])")
+    bar = browser("at('robot-play').getBoundingClientRect().top")
+    assert 0 < top < bottom < bar
+    before = browser("at('r-room').toDataURL()")
+    browser.click("#robot-play")
+    browser.until("robotView.steps.length > 2")
+    assert browser("at('r-room').toDataURL()") != before
+    assert browser("scrollY") == 0
+
+
+@pytest.mark.parametrize("view", ["walk", "robot"])
+def test_on_a_laptop_nothing_scrolls_but_the_page_and_the_buttons_stay_in_sight(browser, view):
+    opened(browser, f"view={view}")
+    assert browser("at('r-curve').getBoundingClientRect().bottom") <= 800
+    scrolls = "e.scrollHeight > e.clientHeight + 1 && /auto|scroll/.test(getComputedStyle(e).overflowY)"
+    assert browser(f"[...document.querySelectorAll('main *')].filter((e) => {scrolls}).map((e) => e.id)") == []
+    browser("scrollTo(0, 700)")
+    assert browser("scrollY") == 700
+    assert 0 <= browser(f"at('{view}-play').getBoundingClientRect().top") < 100
 
 
 def test_everything_can_be_done_by_keyboard(browser):
@@ -338,11 +375,9 @@ def test_everything_can_be_done_by_keyboard(browser):
     assert set(browser(reached)) == {0}
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("view", ["walk", "robot"])
-def test_every_control_has_a_name_and_every_text_a_contrast(browser, view, theme):
+def test_every_control_has_a_name(browser, view):
     opened(browser, f"view={view}&rule=own&own=x")
-    browser(f"paintTheme('{theme}')")
     shown = f"[...document.querySelectorAll('#{view} canvas')].filter((e) => e.offsetParent)"
     browser.until(f"{shown}.every((e) => e.getAttribute('aria-label'))")  # which they have once they are painted
     unnamed = browser(
@@ -351,33 +386,6 @@ def test_every_control_has_a_name_and_every_text_a_contrast(browser, view, theme
         .map((e) => e.id)"""
     )
     assert unnamed == []
-    faint = browser(
-        """(() => {
-          for (const name of ["blue", "orange", "green", "pink", "soft"]) { // labels of curves, as on a canvas
-            const style = `color: var(--${name}-text)`;
-            const label = Object.assign(document.createElement("i"), { textContent: name, style });
-            document.querySelector(`#${state.view} figure`).append(label);
-          }
-          const light = (rgb) => {
-            const linear = (c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
-            const [r, g, b] = rgb.match(/[\\d.]+/g).map((c) => linear(c / 255));
-            return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-          };
-          const ground = (e) => {
-            const fill = getComputedStyle(e).backgroundColor;
-            return /, 0\\)$/.test(fill) ? ground(e.parentElement) : fill;
-          };
-          const found = [];
-          for (const e of document.querySelectorAll("body *")) {
-            const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-            if (!own || !e.offsetParent || e.matches("option, optgroup, script, style")) continue;
-            const [a, b] = [light(getComputedStyle(e).color), light(ground(e))].sort((x, y) => y - x);
-            if ((a + 0.05) / (b + 0.05) < 4.5) found.push(`${e.tagName} ${e.textContent.trim().slice(0, 30)}`);
-          }
-          return found;
-        })()"""
-    )
-    assert faint == []
 
 
 @pytest.mark.parametrize("width", [390, 1280, 1920])
@@ -390,21 +398,17 @@ def test_nothing_is_wider_than_the_screen(browser, width):
         assert min(sizes) > 0.4 * min(width, 900) - 60
 
 
-def test_picture_and_data_are_saved_and_the_data_are_the_run(browser, tmp_path):
+def test_the_data_are_saved_and_are_the_run(browser, tmp_path):
     opened(browser, "view=robot&seed=1&made=60")
     browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     browser.click("#save-data")
-    browser.click("#save-picture")
-    table, sheet = (tmp_path / f"homing-robot-fletcher-reeves-seed-1.{kind}" for kind in ("csv", "png"))
+    table = tmp_path / "homing-robot-fletcher-reeves-seed-1.csv"
     for _ in range(100):
         browser("new Promise((done) => setTimeout(done, 100))")
-        if table.exists() and sheet.exists():
+        if table.exists():
             break
     about, header, *rows = table.read_text(encoding="utf-8").splitlines()
     assert "made=60" in about
     column = header.split(",").index("delta")
     run = agent.run(Settings(images="compact", episodes=20), 1)
     assert [float(row.split(",")[column]) for row in rows] == pytest.approx(run.column("delta")[:60].tolist(), abs=1e-9)
-    png = sheet.read_bytes()
-    assert png.startswith(b"\x89PNG")
-    assert int.from_bytes(png[16:20], "big") >= 2 * 2 * 600  # two columns, two pixels for one

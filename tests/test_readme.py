@@ -40,10 +40,7 @@ def test_what_is_linked_is_there(path):
     assert (ROOT / path).exists()
 
 
-@pytest.mark.parametrize(
-    "text",
-    [*TEXTS, "data/README.md", "notebooks/TEACHING.md", "notebooks/site/home.md", "paper/report.tex"],
-)
+@pytest.mark.parametrize("text", [*TEXTS, "data/README.md", "notebooks/TEACHING.md", "paper/report.tex"])
 def test_every_command_that_is_named_to_a_reader_is_there(text):
     written = (ROOT / text).read_text(encoding="utf-8")
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)

@@ -1,5 +1,6 @@
 """The site opens from disk and asks nobody for anything: every page, picture, link and formula of it is there."""
 
+import inspect
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -11,12 +12,11 @@ import pytest
 from bs4 import BeautifulSoup
 
 from homing_lib.errors import UserError
-from homing_lib.publish import site
-from homing_lib.storage import ROOT
+from homing_lib.publish import charts, demo, site
 from tests.browser import CHROMIUM, Browser
 
 NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("[0-9]*.ipynb"))
-PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), "index.html", "claims.html", "errata.html", "model.html"])
+PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), *site.TEXTS, "claims.html", "errata.html", "model.html"])
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,24 @@ def test_written_a_second_time_it_is_the_same_to_the_byte_and_nothing_of_an_olde
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == files
 
 
+def test_from_a_checkout_with_other_ends_of_lines_it_is_the_same(files, monkeypatch):
+    as_it_is = site.content
+
+    def as_on_windows(path: Path) -> bytes:
+        binary = path.suffix in (".pdf", ".png", ".gif")
+        return as_it_is(path) if binary else as_it_is(path).replace(b"\n", b"\r\n")
+
+    monkeypatch.setattr(site, "content", as_on_windows)
+    assert site.build() == files
+
+
+def test_without_docstrings_as_under_python_oo_a_figure_keeps_its_words(monkeypatch):
+    words = site.in_words(charts.conjugate)
+    monkeypatch.setattr(inspect.unwrap(charts.conjugate), "__doc__", None)
+    assert site.in_words(charts.conjugate) == words
+    assert len(words.split()) > 3
+
+
 def test_no_page_loads_anything_from_elsewhere_and_none_runs_a_script(files, pages):
     for name, page in pages.items():
         loaded = [tag[key] for tag in page.find_all() for key in ("src", "srcset", "data", "poster") if tag.get(key)]
@@ -55,8 +73,7 @@ def test_no_page_loads_anything_from_elsewhere_and_none_runs_a_script(files, pag
         loaded += re.findall(r"url\(([^)]*)\)", str(page))
         assert not [address for address in loaded if ":" in address.removeprefix("data:")], name
         assert not page.find_all(["script", "iframe", "object", "embed"])
-    assert b"url(" not in files["page.css"]
-    assert b"@import" not in files["page.css"]
+    assert not re.search(rb"url\(|@import", files["page.css"])
 
 
 def test_every_link_leads_to_a_file_of_the_site_and_to_a_place_in_it_or_out_by_a_click(files, pages):
@@ -69,6 +86,25 @@ def test_every_link_leads_to_a_file_of_the_site_and_to_a_place_in_it_or_out_by_a
             assert (file or name) in files, f"{name}: {address}"
             if place and (file or name) in pages:
                 assert pages[file or name].find(id=place), f"{name}: {address}"
+
+
+@pytest.mark.parametrize("address", site.TEXTS)
+def test_a_text_of_the_repository_keeps_its_links_to_what_the_site_has(address, pages):
+    """Notebooks, lessons, slides and the demonstration in its state; a link to a source is plain text."""
+    source = site.TEXTS[address]
+    linked = re.findall(r"\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", site.text(source), flags=re.S))
+    kept = {link["href"] for link in pages[address].find_all("a")} | {
+        image["src"] for image in pages[address].find_all("img")
+    }
+    for link in linked:
+        file, sign, place = link.partition("#")
+        target = (source.parent / file).resolve()
+        if link.startswith("https:"):
+            assert link in kept
+        elif target == demo.PAGE or target.suffix in (".ipynb", ".pdf", ".png", ".gif"):
+            name = target.name if target.stem not in NOTEBOOKS else f"{target.stem}.html"
+            assert name + sign + place in kept, link
+    assert {"report.pdf", "teaching.html", "demo.html"} <= kept
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
@@ -89,22 +125,20 @@ def test_every_formula_is_mathml_and_no_dollar_is_left(name, pages):
     prose = re.sub(r"```.*?```|`[^`]*`", "", "\n".join(texts), flags=re.S)
     blocks = len(re.findall(r"\$\$.+?\$\$", prose, re.S))
     page = BeautifulSoup(str(pages[f"{name}.html"]), "html.parser")
-    assert sum(one.get("display") == "block" for one in page.find_all("math")) == blocks
-    assert len(page.find_all("math")) >= blocks + len(re.findall(r"\$[^$]+\$", prose.replace("$$", "")))
-    for formula in page.find_all("math"):
-        assert "\\" not in formula.get_text()
+    formulas = page.find_all("math")
+    assert sum(formula.get("display") == "block" for formula in formulas) == blocks
+    assert len(formulas) >= blocks + len(re.findall(r"\$[^$]+\$", prose.replace("$$", "")))
+    assert not [formula for formula in formulas if "\\" in formula.get_text()]
     for code in page.find_all(["pre", "code"]):
         code.decompose()
     assert "$" not in page.get_text()
 
 
 def test_headings_go_down_by_one_and_every_page_says_its_language_and_title(pages):
-    titles = Counter(page.title.get_text() for page in pages.values())
-    assert set(titles.values()) == {1}
+    assert len({page.title.get_text() for page in pages.values()}) == len(pages)
     for name, page in pages.items():
         levels = [int(heading.name[1]) for heading in page.find_all(re.compile(r"^h\d$"))]
-        assert levels[0] == 1, name
-        assert levels.count(1) == 1, name
+        assert (levels[0], levels.count(1)) == (1, 1), name
         assert all(after <= before + 1 for before, after in pairwise(levels)), name
         assert page.html["lang"] == "en"
         assert all(image.get("alt") for image in page.find_all("img"))
@@ -115,14 +149,6 @@ def test_headings_go_down_by_one_and_every_page_says_its_language_and_title(page
 def test_the_later_notebooks_fold_their_code_and_the_lessons_show_it(pages):
     folded = [bool(pages[f"{name}.html"].select("details.code")) for name in NOTEBOOKS]
     assert folded == [False] * site.LESSONS + [True] * (len(NOTEBOOKS) - site.LESSONS)
-
-
-def test_the_first_page_says_the_result(pages):
-    told = " ".join(pages["index.html"].get_text().split())
-    result = site.text(ROOT / "README.md").partition("<!-- result -->")[2].partition("<!-- /result -->")[0]
-    words = [re.sub(r"<!--.*?-->|[*>_]|\[([^]]*)\]\([^)]*\)", r"\1", line, flags=re.S) for line in result.splitlines()]
-    assert result.strip()
-    assert " ".join(" ".join(words).split()) in told
 
 
 def test_the_demonstration_leads_back_to_the_first_page(files):
@@ -137,23 +163,18 @@ def test_each_claim_and_erratum_is_a_row_of_as_many_cells_as_the_head(pages):
 
 
 def test_the_page_of_the_model_has_what_its_modules_offer_and_every_setting(pages):
-    told = pages["model.html"]
-    headings = {heading.get_text().rstrip("¶") for heading in told.find_all("h3")}
+    page = pages["model.html"]
+    headings = {heading.get_text().rstrip("¶") for heading in page.find_all("h3")}
     assert {"lambdas.fletcher_reeves", "sarsa.LinearSarsa", "environment.HomingEnv", "arena.Arena"} <= headings
     assert not [name for name in headings if name.split(".")[1].startswith("_")]
-    assert "Eq. (7), form 2" in told.get_text()
-    cells = [row.td.get_text() for row in told.table.find_all("tr")[1:]]
-    assert cells == list(site.Settings.model_fields)
+    assert "Eq. (7), form 2" in page.get_text()
+    assert [row.td.get_text() for row in page.table.find_all("tr")[1:]] == list(site.Settings.model_fields)
 
 
-def test_what_is_not_there_is_named_in_one_line(monkeypatch, tmp_path):
-    monkeypatch.setitem(site.COPIES, "report.pdf", tmp_path / "report.pdf")
-    with pytest.raises(UserError, match=r"report\.pdf: missing; `make` builds it") as told:
+def test_what_is_not_there_is_named_with_the_remedy(monkeypatch, tmp_path):
+    monkeypatch.setitem(site.TEXTS, "teaching.html", tmp_path / "TEACHING.md")
+    with pytest.raises(UserError, match=r"TEACHING\.md: missing; `make` builds it"):
         site.build()
-    assert "\n" not in str(told.value)
-
-
-# --- In a browser ----------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -168,30 +189,12 @@ def browser(tmp_path_factory) -> Iterator[Browser]:
 def test_in_a_browser_a_page_fits_a_phone_and_a_wall_and_complains_of_nothing(browser, folder, name):
     browser.said.clear()
     browser.asked.clear()
-    for width in (390, 1280, 1920):
+    browser.open((folder / name).as_uri())
+    for width in (390, 1920):
         browser.resize(width, 900)
-        browser.open((folder / name).as_uri())
         assert browser("document.documentElement.scrollWidth") <= width
         sizes = browser("[...document.querySelectorAll('math')].map((m) => parseFloat(getComputedStyle(m).fontSize))")
         assert min(sizes, default=16) >= 13
     assert browser.said == []
     elsewhere = {address for address in browser.asked if not address.startswith(folder.as_uri())}
     assert elsewhere <= {"about:blank", "data:,"}
-
-
-def pictures(folder: Path) -> None:
-    """Screenshots of the written site at three widths: `python -m tests.test_site FOLDER`."""
-    with Browser(folder / "profile") as browser:
-        for width in (390, 1280, 1920):
-            for name in PAGES:
-                browser.resize(width, 900)
-                browser.open((site.SITE / name).as_uri())
-                browser("document.querySelectorAll('img').forEach((image) => { image.loading = 'eager'; })")
-                browser.until("[...document.images].every((image) => image.complete)")
-                browser.screenshot(folder / f"{Path(name).stem}-{width}.png")
-
-
-if __name__ == "__main__":
-    import sys
-
-    pictures(Path(sys.argv[1]))

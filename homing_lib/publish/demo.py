@@ -28,7 +28,7 @@ PAGE = ROOT / "notebooks" / "executed" / "demo.html"
 CORE = ("random.js", "learner.js", "world.js", "agent.js", "own.js", "compare.js", "camera.js")
 """The model in JavaScript, in the order in which it is read; it needs no browser."""
 
-VIEW = ("draw.js", "state.js", "play.js", "walk.js", "robot.js", "room.js", "curves.js", "save.js", "page.js")
+VIEW = ("draw.js", "state.js", "play.js", "walk.js", "robot.js", "room.js", "curves.js", "page.js")
 """What is shown of it, and how it is controlled."""
 
 SHOWN = {"walk": ("C1", "conjugate"), "robot": ("drives", "varying", "worth", "C8", "C9")}
@@ -99,10 +99,10 @@ def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
         return len(textures) - 1
 
     def thing(one: Any) -> dict[str, Any]:
-        told = {name: value for name, value in vars(one).items() if name not in ("texture", "front")}
-        told |= {"kind": type(one).__name__, "texture": painted(one.texture, one.name)}
+        given = {name: value for name, value in vars(one).items() if name not in ("texture", "front")}
+        given |= {"kind": type(one).__name__, "texture": painted(one.texture, one.name)}
         front = getattr(one, "front", None)
-        return told | {"front": painted(front, one.name) if front else told["texture"]}
+        return given | {"front": painted(front, one.name) if front else given["texture"]}
 
     def picture(number: int, one: Any) -> dict[str, Any]:
         return {**vars(one), "texture": painted(one.texture, f"picture {number}"), "rgb": one.texture.rgb}

@@ -1,13 +1,17 @@
 """The site: the whole companion as pages that open from disk, ask nobody for anything, and need no JavaScript.
 
-`homing site` writes .build/site from the executed notebooks, the report, the film, the
-demonstration, the verdicts and the docstrings. Every page is a notebook, if need be of one cell, that nbconvert puts
-into the template notebooks/site/; its mathematics becomes MathML on the way.
+`homing site` writes .build/site from README, TEACHING, the executed notebooks, the verdicts and the docstrings, with
+the demonstration, the report and whatever these pages show or hand out. Every page is a notebook, if need be of one
+cell, that nbconvert puts into the template notebooks/site/; its mathematics becomes MathML on the way.
 """
 
 import ast
+import inspect
+import os
 import re
 import shutil
+from collections.abc import Callable, Iterable
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -20,7 +24,7 @@ from pygments.formatters import HtmlFormatter
 from traitlets.config import Config
 
 import homing_lib
-from homing_lib.publish.demo import PAGE, palette
+from homing_lib.publish import demo
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
 from homing_lib.publish.where import draws, imports, looked_up
 from homing_lib.settings import Settings
@@ -36,47 +40,50 @@ LESSONS = 4
 DOORS = (
     ("index.html", "Home"),
     ("demo.html", "Play"),
+    ("teaching.html", "Teach"),
     ("report.pdf", "Report"),
     ("claims.html", "Claims"),
     ("errata.html", "Errata"),
     ("model.html", "Model"),
 )
-COPIES = {
-    "demo.html": PAGE,
-    "report.pdf": ROOT / "paper" / "report.pdf",
-    "film.gif": ROOT / "figures" / "film.gif",
-    "lab.ipynb": NOTEBOOKS / "lab.ipynb",
-}
-HOMEWARDS = (b"<h1>The homing companion</h1>", b'<h1><a href="index.html">The homing companion</a></h1>')
+TEXTS = {"index.html": ROOT / "README.md", "teaching.html": NOTEBOOKS / "TEACHING.md"}
+COPIED = (".pdf", ".png", ".gif", ".ipynb")
+"""What comes along where a page links to it; a link to a source becomes plain text."""
+
+HOMEWARDS = ("<h1>The homing companion</h1>", '<h1><a href="index.html">The homing companion</a></h1>')
 """The heading of the demonstration, and what it is in the site: the way back."""
 
 
 def build() -> dict[str, bytes]:
     """Every file of the site by its name. The same inputs give the same bytes. Raises UserError."""
-    files = {name: content(path) for name, path in COPIES.items()}
-    files["demo.html"] = files["demo.html"].replace(*HOMEWARDS)
     css = HtmlFormatter(style="friendly").get_style_defs(".highlight pre")
-    files["page.css"] = (palette() + text(TEMPLATE / "page.css") + css + "\n").encode()
+    files = {
+        "demo.html": text(demo.PAGE).replace(*HOMEWARDS).encode(),
+        "page.css": (demo.palette() + text(TEMPLATE / "page.css") + css + "\n").encode(),
+    }
     notebooks = {
         f"{source.stem}.html": nbformat.reads(text(NOTEBOOKS / "executed" / source.name), as_version=4)
         for source in sorted(NOTEBOOKS.glob("[0-9]*.ipynb"))
     }
-    chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
+    links = Links(notebooks)
     pages = {
-        "index.html": home(chain),
+        **{address: text(source) for address, source in TEXTS.items()},
         "claims.html": f"# Questions and claims\n\n{findings.HOW}\n\n{findings.table(findings.stored())}",
         "errata.html": f"# Slips of the printed paper\n\n{errata.table(errata.ERRATA)}",
         "model.html": model(),
     }
+    chain = [(address, title(notebook)) for address, notebook in notebooks.items()]
     ends = [("index.html", "Home"), *chain, ("claims.html", "Claims")]
     with isolated():
         for address, markdown in pages.items():
             cell = nbformat.v4.new_markdown_cell(markdown, id="page")
-            files |= converted(nbformat.v4.new_notebook(cells=[cell]), address)
+            leads = partial(links.from_folder, TEXTS.get(address, ROOT / "README.md").parent)
+            files |= converted(nbformat.v4.new_notebook(cells=[cell]), address, leads)
         for place, (address, notebook) in enumerate(notebooks.items(), start=1):
             describe(notebook)
-            files |= converted(notebook, address, before=ends[place - 1], after=ends[place + 1], folded=place > LESSONS)
-    return files
+            around = {"before": ends[place - 1], "after": ends[place + 1], "folded": place > LESSONS}
+            files |= converted(notebook, address, partial(links.from_folder, NOTEBOOKS), **around)
+    return files | {path.name: text(path).encode() if path.suffix == ".ipynb" else content(path) for path in links.copied}
 
 
 def content(path: Path) -> bytes:
@@ -86,14 +93,43 @@ def content(path: Path) -> bytes:
 
 
 def text(path: Path) -> str:
-    return content(path).decode("utf-8")
+    """With plain ends of lines, however git has written them."""
+    return content(path).decode("utf-8").replace("\r\n", "\n")
 
 
 # --- From a notebook to a page ---------------------------------------------------------------------------------------
 
 
+class Links:
+    """Where the links of the repository lead on the site. copied: the files beside its pages, as they are met."""
+
+    def __init__(self, notebooks: Iterable[str]) -> None:
+        self.pages = {source: address for address, source in TEXTS.items()} | {demo.PAGE: "demo.html"}
+        for address in notebooks:
+            for folder in (NOTEBOOKS, NOTEBOOKS / "executed"):
+                self.pages[folder / address.replace(".html", ".ipynb")] = address
+        self.copied = {ROOT / "paper" / "report.pdf"}
+
+    def from_folder(self, folder: Path, url: str) -> str:
+        """The address on the site of what a page in this folder links to; "" for what the site does not have."""
+        if re.match(r"#|\w+:", url):
+            return url
+        file, sign, place = url.partition("#")
+        path = Path(os.path.normpath(folder / file))
+        if path in self.pages:
+            return self.pages[path] + sign + place
+        if path.suffix not in COPIED:
+            return ""
+        self.copied.add(path)
+        return path.name
+
+
 class Renderer(IPythonRenderer):
-    """Markdown as HTML: formulas as MathML, links to pages and not to notebooks, tables that scroll by themselves."""
+    """Markdown as HTML: formulas as MathML, links within the site, tables that scroll by themselves."""
+
+    def __init__(self, leads: Callable[[str], str]) -> None:
+        super().__init__(escape=False)
+        self.leads = leads
 
     def block_math(self, body: str) -> str:
         return mathml(body, display="block")
@@ -102,7 +138,11 @@ class Renderer(IPythonRenderer):
         return mathml(body, display="inline")
 
     def link(self, text: str, url: str, title: str | None = None) -> str:
-        return super().link(text, re.sub(r"^(\d[\w-]*)\.ipynb", r"\1.html", url), title)
+        address = self.leads(url)
+        return super().link(text, address, title) if address else text
+
+    def image(self, text: str, url: str, title: str | None = None) -> str:
+        return super().image(text, self.leads(url), title)
 
     def table(self, text: str) -> str:
         """On a phone, a table with sentences in its cells is read row by row: class `rows`."""
@@ -117,16 +157,17 @@ def mathml(latex: str, display: str) -> str:
     return re.sub(bar, r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', convert(latex, display=display))
 
 
-def rendered(markdown: str) -> str:
-    return MarkdownWithMath(renderer=Renderer(escape=False)).render(markdown)
+def rendered(leads: Callable[[str], str], markdown: str) -> str:
+    """Markdown as HTML, without its comments."""
+    return MarkdownWithMath(renderer=Renderer(leads)).render(re.sub(r"<!--.*?-->", "", markdown, flags=re.S))
 
 
-def converted(notebook: Notebook, address: str, **resources: Any) -> dict[str, bytes]:
-    """The page and its images, by name."""
+def converted(notebook: Notebook, address: str, leads: Callable[[str], str], **resources: Any) -> dict[str, bytes]:
+    """The page and its images, by name. leads: where a link leads on the site, as in `Links.from_folder`."""
     exporter = HTMLExporter(
         template_name="site",
         extra_template_basedirs=[str(NOTEBOOKS)],
-        filters={"markdown2html": rendered},
+        filters={"markdown2html": partial(rendered, leads)},
         config=Config(ExtractOutputPreprocessor={"enabled": True}),
     )
     notebook.cells = [cell for cell in notebook.cells if "parameters" not in str(cell.metadata.get("tags"))]
@@ -154,21 +195,12 @@ def describe(notebook: Notebook) -> None:
 
 def in_words(function: Any) -> str:
     """What a function draws: the first sentence of its docstring, without what that says of arguments."""
-    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", function.__doc__))[0] + "."
+    (source,) = ast.parse(inspect.getsource(inspect.unwrap(function))).body  # `python -OO` has no docstrings
+    docstring = ast.get_docstring(source) if isinstance(source, ast.FunctionDef) else ""
+    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", docstring or ""))[0] + "."
 
 
 # --- Pages of our own ------------------------------------------------------------------------------------------------
-
-
-def home(chain: list[tuple[str, str]]) -> str:
-    """Its text, with the result as README tells it, and the notebooks."""
-    result = re.search(r"<!-- result -->\n(.*?)<!-- /result -->", text(ROOT / "README.md"), re.S)
-    assert result
-    parts = {"RESULT": result[1], "NOTEBOOKS": "\n".join(f"- [{name}]({address})" for address, name in chain)}
-    page = text(TEMPLATE / "home.md")
-    for mark, filled in parts.items():
-        page = page.replace(f"\n{mark}\n", f"\n{filled}\n")
-    return page
 
 
 def model() -> str:
@@ -207,8 +239,8 @@ def documented(of: ast.Module | Documented) -> str:
     html = []
     for part in (ast.get_docstring(of) or "").split("\n\n"):
         kind = "pre" if re.search(r"^[ |]|  ", part, re.M) else "p"
-        told = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", escape(part, quote=False))
-        html.append(f"<{kind}>{told}</{kind}>")
+        marked = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", escape(part, quote=False))
+        html.append(f"<{kind}>{marked}</{kind}>")
     return "\n".join(html)
 
 
@@ -216,5 +248,5 @@ def write(folder: Path = SITE) -> None:
     """Write the site in place of the one that is there."""
     files = build()
     shutil.rmtree(folder, ignore_errors=True)
-    for name, content_ in files.items():
-        write_bytes(folder / name, content_)
+    for name, page in files.items():
+        write_bytes(folder / name, page)

@@ -128,8 +128,9 @@ class Experiment {
     return happened;
   }
 
-  // Carry the robot elsewhere: it sees so at its next step.
+  // Carry the robot elsewhere after the step that it has made: it sees so at its next.
   kidnap(pose) {
+    this.steps.at(-1).carried = pose;
     this.env.robot.place(pose);
   }
 }

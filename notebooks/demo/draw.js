@@ -1,16 +1,18 @@
 // What all drawings share: sharp canvases that are painted when something has changed, axes, colours, texts.
 
+const COUNTED = 0.01; // a trace, or the weight of an error, that is not above is neither painted nor counted
 const CHARTS = [];
 let waiting = false;
 
 // The colours of the page, light or dark, by their names in page.css.
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-// A canvas that `paint(ctx, width, height)` fills; it returns the title of the figure, which is also what a screen reader
-// says of the canvas, or nothing. id: of the <canvas> in the page. height: of the width, or pixels.
+// A canvas that `paint(ctx, width, height)` fills, in units of type; it returns the title of the figure, which is also what a
+// screen reader says of the canvas, or nothing. id: of the <canvas> in the page. tall: its height as a share of its width, or
+// in units of type.
 class Chart {
-  constructor(id, height, paint) {
-    Object.assign(this, { canvas: document.getElementById(id), height, paint, stale: true });
+  constructor(id, tall, paint) {
+    Object.assign(this, { canvas: document.getElementById(id), tall, paint, stale: true });
     this.caption = this.canvas.closest("figure").querySelector("figcaption");
     CHARTS.push(this);
     new ResizeObserver(() => this.refresh()).observe(this.canvas.parentElement);
@@ -22,32 +24,29 @@ class Chart {
     waiting = true;
   }
 
-  heightAt(width) {
-    return Math.round(this.height > 4 ? this.height * unit() : this.height * width);
-  }
-
   draw() {
     const { canvas } = this;
     const width = canvas.parentElement.clientWidth;
     if (!width) return;
-    const height = this.heightAt(width);
-    const sharp = devicePixelRatio || 1;
+    const u = unit(), density = devicePixelRatio || 1;
+    const height = Math.round(this.tall > 4 ? this.tall * u : this.tall * width);
     canvas.style.height = `${height}px`;
-    canvas.width = width * sharp;
-    canvas.height = height * sharp;
+    canvas.width = width * density;
+    canvas.height = height * density;
     const ctx = canvas.getContext("2d");
-    ctx.scale(sharp, sharp);
+    ctx.scale(u * density, u * density);
     this.stale = false;
-    const title = this.paintOn(ctx, width, height);
+    ctx.font = font();
+    ctx.lineJoin = "round";
+    const title = this.paint(ctx, width / u, height / u);
     if (!title || title === this.caption.textContent) return;
     this.caption.textContent = title;
     canvas.setAttribute("aria-label", title);
   }
 
-  paintOn(ctx, width, height) {
-    ctx.font = font();
-    ctx.lineJoin = "round";
-    return this.paint(ctx, width, height);
+  // Of what is painted: width, height, and the place of an event in it.
+  measure({ offsetX, offsetY }) {
+    return [this.canvas.clientWidth, this.canvas.clientHeight, offsetX, offsetY].map((pixels) => pixels / unit());
   }
 }
 
@@ -61,9 +60,9 @@ function refresh(prefix = "") {
   for (const chart of CHARTS) if (chart.canvas.id.startsWith(prefix)) chart.refresh();
 }
 
-// Type on a canvas grows with the page's: 1 where that is 16 pixels.
+// The unit of type, in pixels: what is painted grows with the type of the page, whose size is 16 of them.
 const unit = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
-const font = (size = 13, weight = "") => `${weight} ${size * unit()}px "DejaVu Sans", Verdana, sans-serif`.trim();
+const font = (size = 13) => `${size}px "DejaVu Sans", Verdana, sans-serif`;
 
 // A number as a reader wants it: three digits, a true minus, powers of ten.
 const short = (value, digits = 3) => {
@@ -92,14 +91,14 @@ function panel(ctx, { left, right, top, bottom, x: [x0, x1], y: [y0, y1], log = 
   const scale = log ? Math.log : (value) => value;
   const x = (value) => left + ((value - x0) / (x1 - x0 || 1)) * (right - left);
   const y = (value) => bottom - ((scale(value) - scale(y0)) / (scale(y1) - scale(y0) || 1)) * (bottom - top);
-  const u = unit(), grid = colour("line"), fill = colour("soft");
+  const grid = colour("line"), fill = colour("soft");
   for (const value of yTicks ?? ticks(y0, y1)) {
-    curve(ctx, [[left, y(value)], [right, y(value)]], grid, 1 / u);
-    text(ctx, short(value), left - 5 * u, y(value), { fill, align: "right" });
+    curve(ctx, [[left, y(value)], [right, y(value)]], grid, 1);
+    text(ctx, short(value), left - 5, y(value), { fill, align: "right" });
   }
-  for (const value of xTicks) text(ctx, short(value), x(value), bottom + 5 * u, { fill, align: "center", base: "top" });
-  if (xLabel) text(ctx, xLabel, right, bottom + 20 * u, { fill, align: "right", base: "top" });
-  if (yLabel) text(ctx, yLabel, left, top - 4 * u, { base: "bottom" });
+  for (const value of xTicks) text(ctx, short(value), x(value), bottom + 5, { fill, align: "center", base: "top" });
+  if (xLabel) text(ctx, xLabel, right, bottom + 20, { fill, align: "right", base: "top" });
+  if (yLabel) text(ctx, yLabel, left, top - 4, { base: "bottom" });
   return { x, y, left, right, top, bottom };
 }
 
@@ -112,8 +111,8 @@ function line(ctx, points) {
 function curve(ctx, points, paint, width = 2, dash = []) {
   ctx.save();
   ctx.strokeStyle = paint;
-  ctx.lineWidth = width * unit();
-  ctx.setLineDash(dash.map((part) => part * unit()));
+  ctx.lineWidth = width;
+  ctx.setLineDash(dash);
   line(ctx, points);
   ctx.restore();
 }
@@ -146,9 +145,9 @@ function inside(ctx, { left, right, top, bottom }, paint) {
   ctx.restore();
 }
 
-function text(ctx, words, x, y, { align = "left", base = "middle", fill = colour("ink"), size = 12, weight = "" } = {}) {
+function text(ctx, words, x, y, { align = "left", base = "middle", fill = colour("ink"), size = 12 } = {}) {
   ctx.save();
-  ctx.font = font(size, weight);
+  ctx.font = font(size);
   ctx.textAlign = align;
   ctx.textBaseline = base;
   ctx.fillStyle = fill;
@@ -158,7 +157,7 @@ function text(ctx, words, x, y, { align = "left", base = "middle", fill = colour
 
 // Names of curves right of their ends, moved apart where they would overlap. ends: [name, y, name of its colour].
 function labelEnds(ctx, ends, x, top, bottom) {
-  const gap = 15 * unit();
+  const gap = 15;
   const sorted = ends.toSorted((a, b) => a[1] - b[1]);
   let place = top - gap;
   const places = sorted.map(([, y]) => (place = Math.max(y, place + gap)));
@@ -167,12 +166,12 @@ function labelEnds(ctx, ends, x, top, bottom) {
 }
 
 // Pixels that the longest of these names takes beside a panel.
-const widest = (ctx, names) => Math.max(60 * unit(), ...names.map((name) => ctx.measureText(name).width)) + 14 * unit();
+const widest = (ctx, names) => Math.max(60, ...names.map((name) => ctx.measureText(name).width)) + 14;
 
 // Columns of the figures over time: as many of the last steps as fit.
 function timeAxis(width, total) {
-  const u = unit(), left = 52 * u, right = width - 12 * u;
-  const shown = Math.min(total, Math.floor((right - left) / (5 * u)));
+  const left = 52, right = width - 12;
+  const shown = Math.min(total, Math.floor((right - left) / 5));
   const first = total - shown;
   const cell = (right - left) / Math.max(shown, 24);
   return { left, right, first, cell, x: (t) => left + (t - first + 0.5) * cell };
@@ -180,15 +179,15 @@ function timeAxis(width, total) {
 
 // Lambda and delta of steps as stems over time, each in a panel of its own; a cross where lambda was reset.
 function stems(ctx, steps, { left, right, first, cell, x }, { top, middle, bottom }, chosen) {
-  const u = unit(), shown = steps.slice(first), finite = (name) => shown.map((step) => step[name]).filter(Number.isFinite);
+  const shown = steps.slice(first), finite = (name) => shown.map((step) => step[name]).filter(Number.isFinite);
   const largest = Math.max(...finite("delta").map(Math.abs), 0) || 1;
   const least = Math.min(0, ...finite("lambda")), most = Math.max(1, ...finite("lambda"));
-  const delta = panel(ctx, { left, right, top, bottom: middle - 22 * u, x: [0, 1], y: [-largest, largest], yLabel: "TD error δ" });
+  const delta = panel(ctx, { left, right, top, bottom: middle - 22, x: [0, 1], y: [-largest, largest], yLabel: "TD error δ" });
   const lambda = panel(ctx, {
-    left, right, top: middle + 6 * u, bottom, x: [0, 1], y: [least, most], yTicks: ticks(least, most, 2),
+    left, right, top: middle + 6, bottom, x: [0, 1], y: [least, most], yTicks: ticks(least, most, 2),
     yLabel: "λ, with × where it was reset to [0, 1]",
   });
-  const thick = Math.max(1, Math.min(3 * u, 0.4 * cell)), r = Math.max(2 * u, Math.min(4 * u, 1.5 * thick));
+  const thick = Math.max(1, Math.min(3, 0.4 * cell)), r = Math.max(2, Math.min(4, 1.5 * thick));
   const blue = colour("blue-line"), orange = colour("orange-line"), ink = colour("ink");
   shown.forEach((step, k) => {
     const t = first + k, px = x(t), py = lambda.y(step.lambda);
@@ -201,14 +200,14 @@ function stems(ctx, steps, { left, right, first, cell, x }, { top, middle, botto
     if (thick > 1.5) disc(ctx, px, py, 1.12 * thick, orange);
     if (!step.clipped) return;
     ctx.strokeStyle = ink;
-    ctx.lineWidth = 1.3 * u;
+    ctx.lineWidth = 1.3;
     line(ctx, [[px - r, py - r], [px + r, py + r]]);
     line(ctx, [[px - r, py + r], [px + r, py - r]]);
   });
   ctx.globalAlpha = 1;
   const small = { base: "bottom", fill: colour("soft") };
-  if (shown.length) text(ctx, `step ${first + 1}`, left, bottom + 18 * u, small);
-  if (steps.length > 1) text(ctx, steps.length, x(steps.length - 1), bottom + 18 * u, { ...small, align: "center" });
+  if (shown.length) text(ctx, `step ${first + 1}`, left, bottom + 18, small);
+  if (steps.length > 1) text(ctx, steps.length, x(steps.length - 1), bottom + 18, { ...small, align: "center" });
 }
 
 // Cividis, as in the figures. share: 0 to 1.

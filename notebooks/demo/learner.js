@@ -22,41 +22,47 @@ function dot(x, y) {
 // A rule is asked with {delta, phi, deltaPrev, phiPrev, tracePrev, discount}. What is not finite has no meaning (0/0,
 // x/0), and the learner's onZero stands in.
 
-function hestenesStiefel({ delta, phi, deltaPrev, phiPrev, tracePrev, discount }) {
-  const alongPhi = delta * dot(phi, phi) - deltaPrev * dot(phiPrev, phi);
-  const alongTrace = delta * dot(phi, tracePrev) - deltaPrev * dot(phiPrev, tracePrev);
-  return -alongPhi / (discount * alongTrace);
+const RULES = {}; // those that settings know by name, in the order in which the page offers them
+
+// List a rule under its name in settings. label, formula: as the page writes them; group: of the rules that it stands with.
+function register(group, name, label, formula, rule) {
+  RULES[name] = Object.assign(rule, { group, label, formula });
+  return rule;
 }
 
-function fletcherReeves({ delta, phi, deltaPrev, phiPrev, discount }) {
-  return (delta * dot(phi, phi)) / (discount * deltaPrev * dot(phiPrev, phiPrev));
-}
+const [EQ7, SIGNS, PARTS] = ["Conjugate, eq. (7)", "With another sign", "What form 2 is made of"];
 
-function polakRibiere({ delta, phi, deltaPrev, phiPrev, discount }) {
-  const alongPhi = delta * dot(phi, phi) - deltaPrev * dot(phiPrev, phi);
-  return alongPhi / (discount * deltaPrev * dot(phiPrev, phiPrev));
-}
+const fletcherReeves = register(EQ7, "fletcher-reeves", "form 2",
+  "λ = δ |φ|² / (γ δ₋ |φ₋|²), the paper’s choice (₋: of the step before)",
+  ({ delta, phi, deltaPrev, phiPrev, discount }) => (delta * dot(phi, phi)) / (discount * deltaPrev * dot(phiPrev, phiPrev)));
 
-function inverse({ delta, phi, deltaPrev, phiPrev, discount }) {
-  return (discount * deltaPrev * dot(phiPrev, phiPrev)) / (delta * dot(phi, phi));
-}
+const hestenesStiefel = register(EQ7, "hestenes-stiefel", "form 1", "λ = −(δφ − δ₋φ₋)·φ / (γ (δφ − δ₋φ₋)·e₋)",
+  ({ delta, phi, deltaPrev, phiPrev, tracePrev, discount }) => {
+    const alongPhi = delta * dot(phi, phi) - deltaPrev * dot(phiPrev, phi);
+    const alongTrace = delta * dot(phi, tracePrev) - deltaPrev * dot(phiPrev, tracePrev);
+    return -alongPhi / (discount * alongTrace);
+  });
 
-// 1 where the TD error keeps its sign, else 0. An error of 0 has none.
-const gate = ({ delta, deltaPrev }) => +(Math.min(delta, deltaPrev) > 0 || Math.max(delta, deltaPrev) < 0);
+const polakRibiere = register(EQ7, "polak-ribiere", "form 3", "λ = (δφ − δ₋φ₋)·φ / (γ δ₋ |φ₋|²)",
+  ({ delta, phi, deltaPrev, phiPrev, discount }) => {
+    const alongPhi = delta * dot(phi, phi) - deltaPrev * dot(phiPrev, phi);
+    return alongPhi / (discount * deltaPrev * dot(phiPrev, phiPrev));
+  });
 
-const RULES = {
-  "hestenes-stiefel": hestenesStiefel,
-  "hestenes-stiefel:printed": (step) => -hestenesStiefel(step),
-  "fletcher-reeves": fletcherReeves,
-  "fletcher-reeves:negated": (step) => -fletcherReeves(step),
-  "polak-ribiere": polakRibiere,
-  "polak-ribiere:negated": (step) => -polakRibiere(step),
-  "gate": gate,
-  "gate:0.7": (step) => 0.7 * gate(step),
-  "gate:opposite": ({ delta, deltaPrev }) => gate({ delta: -delta, deltaPrev }),
-  "inverse": inverse,
-  "absolute": (step) => Math.abs(fletcherReeves(step)),
-};
+register(SIGNS, "hestenes-stiefel:printed", "form 1 as printed", "form 1 without its minus, as the paper prints it",
+  (step) => -hestenesStiefel(step));
+register(SIGNS, "fletcher-reeves:negated", "form 2 negated", "form 2 with the other sign", (step) => -fletcherReeves(step));
+register(SIGNS, "polak-ribiere:negated", "form 3 negated", "form 3 with the other sign", (step) => -polakRibiere(step));
+
+// An error of 0 has no sign.
+const gate = register(PARTS, "gate", "gate", "λ = 1 while δ keeps its sign, else 0",
+  ({ delta, deltaPrev }) => +(Math.min(delta, deltaPrev) > 0 || Math.max(delta, deltaPrev) < 0));
+register(PARTS, "gate:0.7", "gate of 0.7", "λ = 0.7 while δ keeps its sign, else 0", (step) => 0.7 * gate(step));
+register(PARTS, "gate:opposite", "opposite gate", "λ = 1 where δ changes its sign, else 0",
+  ({ delta, deltaPrev }) => gate({ delta: -delta, deltaPrev }));
+register(PARTS, "inverse", "inverse", "λ = γ δ₋ |φ₋|² / (δ |φ|²): form 2 upside down",
+  ({ delta, phi, deltaPrev, phiPrev, discount }) => (discount * deltaPrev * dot(phiPrev, phiPrev)) / (delta * dot(phi, phi)));
+register(PARTS, "absolute", "absolute", "λ = |form 2|: its size, whatever the sign", (step) => Math.abs(fletcherReeves(step)));
 
 // A rule and its options by a text of the settings, such as "fixed:0.9" or "polak-ribiere:on_zero=1:unclipped"; one's own
 // is written out after its options, "own:unclipped:0.5 * delta". Throws an Error for the reader.

@@ -1,12 +1,11 @@
-// A rule of one's own, typed as one expression of Python (JavaScript's signs are understood too). It is read and
-// computed here and never handed to the browser as code, so that a link with a rule in it can do no harm.
+// A rule of one's own, typed as one expression of Python. It is read and computed here and never handed to the browser as
+// code, so that a link with a rule in it can do no harm.
 
 const VECTORS = { phi: "phi", phi_prev: "phiPrev", trace_prev: "tracePrev" };
 const NUMBERS = { delta: "delta", delta_prev: "deltaPrev", discount: "discount" };
 const ALIASES = {
-  deltaPrev: "delta_prev", phiPrev: "phi_prev", tracePrev: "trace_prev", gamma: "discount",
+  gamma: "discount", "@": "·",
   "δ": "delta", "δ₋": "delta_prev", "φ": "phi", "φ₋": "phi_prev", "e₋": "trace_prev", "γ": "discount",
-  "||": "or", "&&": "and", "!": "not", "===": "==", "!==": "!=",
 };
 const FUNCTIONS = {
   abs: [1, 1, Math.abs],
@@ -43,16 +42,18 @@ function defined(value) {
 
 const UNREADABLE = {
   "=": "To compare, write ==.", "^": "A power is written **.", "λ": "λ itself is what you compute.",
-  "[": "Vectors are asked by dot(phi, phi_prev).", ";": "One expression is enough, without a semicolon.",
+  "[": "Vectors are asked by dot(phi, phi_prev).", ".": "Functions stand alone: dot(phi, phi_prev), sign(delta).",
+  ";": "One expression is enough, without a semicolon.", "?": "Write a if condition else b.", "&": "Write and.",
+  "|": "Write or; of numbers, abs(...).", "!": "Write not.",
 };
 
 const NUMBER = /(?<number>(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)/;
 const NAME = /(?<name>[δφe]₋|[δφγ]|[A-Za-z_]\w*)/;
-const SIGN = /(?<sign>\*\*|<=|>=|===?|!==?|&&|\|\||[-+*/%<>()?:,!·])/;
+const SIGN = /(?<sign>\*\*|[<>=!]=|[-+*/%<>(),·@])/;
 const TOKEN = new RegExp(`\\s*(?:${NUMBER.source}|${NAME.source}|${SIGN.source}|(?<odd>\\S))`, "gi");
 
 function tokens(text) {
-  text = text.replace(/\|(φ₋?)\|²/g, "dot($1, $1)").replace(/[−–]/g, "-").replaceAll("×", "*");
+  text = text.replace(/\|(φ₋?)\|²/g, "dot($1, $1)").replace(/[−–]/g, "-").replaceAll("×", "*").replace(/\b(np|numpy|math)\./g, "");
   return Array.from(text.matchAll(TOKEN), ({ groups: { number, name, sign, odd } }) => {
     if (odd) throw new Error(`“${odd}” cannot be read here. ${UNREADABLE[odd] ?? ""}`.trim());
     if (number) return { number: Number(number), text: number };
@@ -87,6 +88,7 @@ function ownRule(text) {
   const peek = (...texts) => at < list.length && list[at].number === undefined && texts.includes(list[at].text);
   const take = (...texts) => (peek(...texts) ? list[at++].text : null);
   const here = () => (at < list.length ? `before “${list[at].text}”` : "at the end");
+  const comma = /\d,\d/.test(text) ? " A number is written with a point: 0.5." : "";
 
   const isVector = (node) => typeof node === "string";
   const scalar = (node, what) => {
@@ -99,7 +101,7 @@ function ownRule(text) {
     return (s) => dot(s[a], s[b]);
   };
   const need = (sign, why) => {
-    if (!take(sign)) throw new Error(`A “${sign}” is missing ${here()}${why}.`);
+    if (!take(sign)) throw new Error(`A “${sign}” is missing ${here()}${why}.${comma}`);
   };
 
   function choice() {
@@ -108,13 +110,6 @@ function ownRule(text) {
       const condition = scalar(either(), "if");
       need("else", ": write a if condition else b");
       const [yes, no] = [scalar(first, "if"), scalar(choice(), "else")];
-      return (s) => (condition(s) ? yes(s) : no(s));
-    }
-    if (take("?")) {
-      const condition = scalar(first, "?");
-      const yes = scalar(choice(), "?");
-      need(":", ": write condition ? a : b");
-      const no = scalar(choice(), ":");
       return (s) => (condition(s) ? yes(s) : no(s));
     }
     return first;
@@ -216,14 +211,14 @@ function ownRule(text) {
     if (!peek(")")) do found.push(choice()); while (take(","));
     need(")", "");
     if (found.length < least || found.length > most)
-      throw new Error(`${name} takes ${least === most ? least : `at least ${least}`} of them, not ${found.length}.`);
+      throw new Error(`${name} takes ${least === most ? least : `at least ${least}`} of them, not ${found.length}.${comma}`);
     return found;
   }
 
   const value = scalar(choice(), "λ");
   if (at < list.length) {
     if (peek(")")) throw new Error("A “)” has no “(” before it.");
-    throw new Error(`“${list[at].text}” does not fit there. Is an operator missing before it?`);
+    throw new Error(`“${list[at].text}” does not fit there. Is an operator missing before it?${comma}`);
   }
   return (step) => {
     try {

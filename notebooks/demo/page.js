@@ -21,7 +21,7 @@ function showControls() {
   if (document.activeElement !== at("own")) at("own").value = state.own;
   at("own-field").hidden = state.rule !== "own";
   at("lambda-field").hidden = state.rule !== "fixed";
-  at("formula").textContent = ruleOption(state.rule).dataset.formula;
+  at("formula").textContent = OFFERED[state.rule].formula;
   showKept();
   at("reset").checked = Boolean(state.reset);
   for (const name of SLIDERS) {
@@ -45,53 +45,25 @@ function showKept() {
     button.setAttribute("aria-label", `Drop ${name}`);
     button.addEventListener("click", () => {
       state.with = kept().filter((other) => other !== text).join(";");
-      changed("with");
+      changed();
     });
     return button;
   }));
 }
 
-// What a change touches is made anew; a drawing alone is only painted.
-function changed(name) {
-  showControls();
-  if (name === "with") {
-    walkView.compare();
-    if (robotView.experiment) robotView.compare();
-  }
-  if (["look", "map", "with"].includes(name)) {
-    refresh();
-    return noteAddress();
-  }
+// After any change: what is said beside the controls, and the run that is seen, anew if it is no longer the one chosen.
+function changed() {
   const own = state.rule === "own", problem = own ? readOwn() : "";
   at("own-error").textContent = problem && `${problem} Until then “${sound}” is at work.`;
   at("own-remark").textContent = own && !problem && neverDefined(ownRule(sound)) ? "It divides by zero, always: λ is the guard’s, below." : "";
-  if (problem && name === "own") {
-    refresh();
-    return player.pause();
-  }
-  showKept();
-  const { view: only } = OPTIONS[name];
-  if (only === "robot") state.seeds = 0;
-  for (const touched of name === "view" ? [] : only ? [only] : ["walk", "robot"]) stale.add(touched);
-  freshen();
-}
-
-const stale = new Set(["walk", "robot"]); // views whose run is to be made anew
-const fresh = new Set(); // views that have had a run
-
-// A view that is not seen waits until it is.
-function freshen() {
-  if (stale.has(state.view) && (state.view === "walk" || robotView.world)) {
-    stale.delete(state.view);
-    if (state.view === "robot" && fresh.has("robot")) robotView.change();
-    else view().rebuild();
-    fresh.add(state.view);
-  }
+  showControls();
+  const shown = view();
+  if (!shown.played) shown.rebuild();
+  else if (shown.played !== shown.key()) shown.change();
+  else shown.compare();
   refresh();
   noteAddress();
 }
-
-const fileName = () => `homing-${state.view}-${state.rule.replaceAll(":", "-")}-seed-${state.seed}`;
 
 const paused = (act) => () => {
   player.pause();
@@ -106,14 +78,13 @@ const ACTS = {
   finish: paused(() => view().finish()),
   ten: paused(() => walkView.finish(10)),
   seeds: paused(() => robotView.seeds()),
-  kidnap: paused(() => robotView.kidnap()),
+  kidnap: () => robotView.kidnap(),
   restart: paused(() => view().restart()),
   home: paused(() => {
-    Object.assign(state, { start: "", seeds: 0 });
-    robotView.change();
+    state.start = "";
+    changed();
   }),
-  picture: () => savePicture(state.view, `${fileName()}.png`),
-  data: () => saveTable(`${fileName()}.csv`, ...view().table()),
+  data: () => saveTable(`homing-${state.view}-${state.rule.replaceAll(":", "-")}-seed-${state.seed}.csv`, ...view().table()),
   theme: () => paintTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"),
 };
 const KEYS = { " ": "play", "s": "step", "e": "finish", "r": "restart" };
@@ -123,25 +94,23 @@ function setUpControls() {
     for (const node of document.querySelectorAll(selector)) node.addEventListener(type, (event) => act(node, event));
   };
   // After the last of some changes in quick succession.
-  const soon = (milliseconds, act) => {
-    let timer = 0;
-    return (...given) => {
-      clearTimeout(timer);
-      timer = setTimeout(() => act(...given), milliseconds);
-    };
+  let timer = 0;
+  const soon = (milliseconds) => {
+    clearTimeout(timer);
+    timer = setTimeout(changed, milliseconds);
   };
   const choose = (name, value) => {
     const before = chosen();
     state[name] = value;
     keep(before);
-    changed(name);
+    changed();
   };
   on("#controls", "submit", (_, event) => event.preventDefault());
   on("nav button", "click", (button) => {
     player.pause();
     say("");
     state.view = button.dataset.view;
-    changed("view");
+    changed();
   });
   on("[data-act]", "click", (button) => {
     say("");
@@ -154,17 +123,15 @@ function setUpControls() {
   on("#reset", "change", ({ checked }) => choose("reset", Number(checked)));
   on("#frozen", "change", () => robotView.freeze());
   on("input[name=look]", "change", ({ value }) => choose("look", value));
-  const typed = soon(350, changed);
   on("#own", "input", ({ value }) => {
     state.own = value.replace(/\s+/g, " ");
-    typed("own");
+    soon(350);
   });
   for (const name of SLIDERS) {
-    const slid = soon(120, changed);
     on(`#${name}`, "input", ({ value, dataset }) => {
       state[name] = Number(("log" in dataset ? 10 ** value : Number(value)).toPrecision(3));
       showControls();
-      slid(name);
+      soon(120);
     });
   }
   on("#seed", "change", ({ value }) => {
@@ -182,6 +149,16 @@ function setUpControls() {
   addEventListener("hashchange", () => location.hash !== address() && openAddress());
 }
 
+function saveTable(name, columns, rows) {
+  const cell = (value) => (typeof value === "boolean" ? +value : value ?? "");
+  const table = [columns, ...rows].map((row) => row.map(cell).join(","));
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([`# ${address()}\n`, table.join("\n"), "\n"], { type: "text/csv" }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
 function paintTheme(name) {
   document.documentElement.dataset.theme = name;
   at("theme").textContent = name === "dark" ? "Light" : "Dark";
@@ -192,6 +169,14 @@ function paintTheme(name) {
 
 function element(tag, textContent) {
   return Object.assign(document.createElement(tag), { textContent });
+}
+
+// The select of rules, in their groups.
+function offerRules() {
+  for (const [name, { group, label }] of Object.entries(OFFERED)) {
+    if (at("rule").lastElementChild?.label !== group) at("rule").append(Object.assign(element("optgroup"), { label: group }));
+    at("rule").lastElementChild.append(new Option(label, name));
+  }
 }
 
 function showClaims() {
@@ -209,9 +194,8 @@ function showClaims() {
 function openAddress() {
   player.pause();
   say(readAddress(location.hash));
-  stale.add("walk").add("robot");
-  fresh.clear();
-  changed("view");
+  walkView.played = robotView.played = "";
+  changed();
 }
 
 // Of an element that holds them in base 64: last in the page, so that it is painted before they are read.
@@ -225,7 +209,7 @@ async function unpack() {
   const stream = new Blob([bytesOf("atlas")]).stream().pipeThrough(new DecompressionStream("gzip"));
   robotView.world = new Atlas(new Uint8Array(await new Response(stream).arrayBuffer()));
   robotView.camera = new Camera(DATA.room, bytesOf("textures"), DATA.side, DATA.settings);
-  freshen();
+  changed();
 }
 
 setUpWalk();
@@ -233,7 +217,9 @@ setUpRoom();
 new Chart("r-view", 430, paintView);
 new Chart("r-curve", 400, paintCurve);
 new Chart("r-steps", 400, paintSteps);
+offerRules();
 setUpControls();
+at("settings").open = !matchMedia("(max-width: 60rem)").matches; // on a phone the picture comes first
 showClaims();
 paintTheme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
 openAddress();

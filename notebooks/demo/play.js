@@ -35,7 +35,8 @@ const player = {
 
   frame(time) {
     if (!this.mode) return;
-    if (this.mode === "rush") {
+    if (view().hand) this.last = time; // what is held stands still
+    else if (this.mode === "rush") {
       const until = performance.now() + 12;
       while (performance.now() < until && robotView.advance());
       robotView.show();

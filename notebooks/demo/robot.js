@@ -5,8 +5,9 @@ const TEN = 10, LATE = 5; // seeds at a press; last episodes of the training
 const robotView = {
   world: null, // the atlas, once it is unpacked
   experiment: null,
-  models: new Map(), // of surveys, by seed
-  references: new Map(), // steps of climb, random and shortest, by all that they depend on
+  played: "", // the key of its run
+  models: new Map(), // what a survey found, by seed
+  references: new Map(), // steps of climb, random and the shortest way, by all that they depend on
   lengths: new Map(), // of the episodes of whole runs, by rule, seed and all that they depend on
   intervals: new Map(), // interquartile means of these
   hand: null, // a pose that is being dragged
@@ -26,7 +27,7 @@ const robotView = {
   rebuild() {
     if (!this.world) return;
     this.experiment = this.begin({ lambda_rule: chosen() });
-    this.played = this.key(chosen(), state.seed);
+    this.played = this.key();
     this.experiment.total += state.more;
     const made = state.made;
     state.made = 0;
@@ -101,15 +102,11 @@ const robotView = {
     return this.experiment.underWay ? undefined : this.kidnapAt(state.made);
   },
 
-  // Each { step, pose }, as the address has them and where the robot fits.
-  get kidnaps() {
-    const kidnaps = state.kidnap.split(";").map((text) => text.split(":"));
-    return kidnaps.map(([step, pose]) => ({ step: Number(step), pose: readPose(pose) }))
-      .filter(({ pose }) => pose && this.experiment.env.fits(pose));
-  },
-
+  // Where it is put down after so many steps, if it is and if it fits there.
   kidnapAt(made) {
-    return state.kidnap ? this.kidnaps.findLast(({ step }) => step === made)?.pose : undefined;
+    const found = state.kidnap.split(";").map((text) => text.split(":")).findLast(([step]) => step !== "" && Number(step) === made);
+    const pose = readPose(found?.[1]);
+    return pose && this.experiment.env.fits(pose) ? pose : undefined;
   },
 
   // Whether it is frozen, as from here on.
@@ -145,8 +142,8 @@ const robotView = {
     say("");
     const place = [pose.x, pose.y, pose.heading].map((value) => Number(value.toFixed(4))).join(",");
     if (handsStart) {
-      Object.assign(state, { start: place, seeds: 0 });
-      return this.change();
+      state.start = place;
+      return changed();
     }
     this.goOn();
     const others = state.kidnap.split(";").filter((kidnap) => kidnap && !kidnap.startsWith(`${state.made}:`));
@@ -166,10 +163,10 @@ const robotView = {
     this.put(freePose(this.world, this.world.room.size, rng));
   },
 
-  // What climbing, chance and the shortest way need from this start.
+  // What climbing, chance and the shortest way take from this start.
   refer() {
     const key = [state.seed, state.start, state.multiplier].join(" ");
-    this.reference = this.references.get(key) ?? { climb: NaN, random: NaN, shortest: NaN };
+    this.reference = this.references.get(key) ?? { climb: NaN, random: NaN, "shortest way": NaN };
     if (!this.references.has(key)) between("reference", "robot", this.referring(key, this.reference));
   },
 
@@ -180,7 +177,7 @@ const robotView = {
       reference[controller] = mean(lengthsOf(experiment));
       refresh("r-curve");
     }
-    reference.shortest = yield* searching(this.begin().env);
+    reference["shortest way"] = yield* searching(this.begin().env);
     this.references.set(key, reference);
     refresh("r-curve");
   },
@@ -195,10 +192,6 @@ const robotView = {
       for (const text of state.seeds ? [...kept(), chosen()] : kept()) {
         const key = this.key(text, seed);
         if (this.lengths.has(key)) continue;
-        if (!this.models.has(seed)) {
-          const [surveySeed] = new SeedSequence(seed).spawn(1), home = poseOf(this.world.room.home);
-          this.models.set(seed, yield* surveying(this.world, DATA.settings, home, new Generator(surveySeed)));
-        }
         const experiment = this.begin({ lambda_rule: text }, seed);
         while (experiment.step()) yield;
         this.lengths.set(key, lengthsOf(experiment));
@@ -210,7 +203,11 @@ const robotView = {
     this.tell();
   },
 
-  key: (text, seed) => [text, seed, state.alpha0, state.epsilon, state.multiplier, state.update, state.start].join(" "),
+  // All that a run depends on.
+  key(text = chosen(), seed = state.seed) {
+    const { alpha0, epsilon, multiplier, update, start } = state;
+    return [text, seed, alpha0, epsilon, multiplier, update, start].join(" ");
+  },
 
   // The lengths of the runs of a rule that are compared, a row for each seed up to the first that is not worked out.
   rows(text) {
@@ -263,11 +260,10 @@ const robotView = {
 
   table() {
     const names = ["x", "y", "heading", "action", "reward", "similarity", "delta", "lambda", "clipped", "change", "atWall"];
-    const columns = ["episode", "step", ...names.map((name) => ({ clipped: "reset", atWall: "at_wall" })[name] ?? name)];
     const episodes = this.experiment?.episodes.map(({ steps }) => steps) ?? [];
     if (this.experiment?.underWay) episodes.push(this.steps);
     const row = (step) => names.map((name) => step[name]);
-    return [columns, episodes.flatMap((steps, e) => steps.map((step, t) => [e + 1, t + 1, ...row(step)]))];
+    return [["episode", "step", ...names.slice(0, -1), "at_wall"], episodes.flatMap((steps, e) => steps.map((step, t) => [e + 1, t + 1, ...row(step)]))];
   },
 };
 

@@ -18,7 +18,7 @@ function roomScale(width) {
 const apart = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
 
 function paintRoom(ctx, width) {
-  const scaled = roomScale(width), { scale, at } = scaled, u = unit(), { experiment, hand } = robotView;
+  const scaled = roomScale(width), { scale, at } = scaled, { experiment, hand } = robotView;
   paintFurniture(ctx, scaled);
   if (!experiment) return "The table of views is being unpacked …";
   const { home, start } = experiment.env;
@@ -29,15 +29,15 @@ function paintRoom(ctx, width) {
     ctx.stroke();
   };
   ctx.strokeStyle = "#222222";
-  ctx.lineWidth = 1.6 * u;
+  ctx.lineWidth = 1.6;
   shape([1, 3, 5, 7].map((k) => at(home, RADIUS_M * Math.SQRT2, (k * Math.PI) / 4)));
   line(ctx, [at(home), at(home, RADIUS_M)]);
   shape([0, 2.4, -2.4].map((turn) => at(start, 1.3 * RADIUS_M, turn)));
   paintWays(ctx, at);
   paintSight(ctx, at, robotView.pose);
   paintRobot(ctx, scaled, robotView.pose, "#D55E00");
-  ctx.lineWidth = 2 * u;
-  for (const held of hand ? [hand] : robotView.grips) disc(ctx, ...at(held, handleAt(scale)), 6 * u, "rgb(255 255 255 / 0.7)", "#222222");
+  ctx.lineWidth = 2;
+  for (const held of hand ? [hand] : robotView.grips) disc(ctx, ...at(held, handleAt(scale)), 6, "rgb(255 255 255 / 0.7)", "#222222");
   ctx.globalAlpha = 0.75;
   if (hand) paintRobot(ctx, scaled, hand, experiment.env.fits(hand) ? "#009E73" : "#000000");
   ctx.globalAlpha = 1;
@@ -62,7 +62,7 @@ function paintFurniture(ctx, scaled) {
     else paint(left, from, wide, length, rgb(picture.rgb));
   }
   ctx.strokeStyle = colour("ink");
-  ctx.lineWidth = unit();
+  ctx.lineWidth = 1;
   for (const thing of room.objects) {
     if (thing.kind === "Box") {
       const [long, wide] = thing.size, left = thing.x - long / 2, low = thing.y - wide / 2;
@@ -75,51 +75,38 @@ function paintFurniture(ctx, scaled) {
 // The ways of the last episodes, faint, and of the one under way.
 function paintWays(ctx, at) {
   const { episodes, steps: now, from: start } = robotView.experiment;
-  const finished = episodes.filter(({ steps }) => steps !== now);
-  let first = 0; // steps made before
-  finished.forEach(({ steps, from }, k) => {
-    if (k >= episodes.length - 5) {
-      ctx.globalAlpha = 0.55;
-      for (const { points, carried } of legs(from, steps, first)) {
-        curve(ctx, points.map((pose) => at(pose)), colour("edge"), 1.2, carried ? [3, 5] : []);
-      }
-      ctx.globalAlpha = 1;
-    }
-    first += steps.length;
-  });
-  if (!now) return;
-  for (const { points, carried, frozen } of legs(start, now, first)) {
-    const way = points.map((pose) => at(pose)), dash = carried ? [3, 5] : [];
-    curve(ctx, way, "#ffffff", 4.5, dash);
-    curve(ctx, way, frozen ? FROZEN : WAY, 2.5, dash);
+  const dash = (leg) => (leg.carried ? [3, 5] : []), way = (leg) => leg.points.map((pose) => at(pose));
+  ctx.globalAlpha = 0.55;
+  for (const { steps, from } of episodes.slice(-5)) {
+    if (steps !== now) for (const leg of legs(from, steps)) curve(ctx, way(leg), colour("edge"), 1.2, dash(leg));
+  }
+  ctx.globalAlpha = 1;
+  for (const leg of now ? legs(start, now) : []) {
+    curve(ctx, way(leg), "#ffffff", 4.5, dash(leg));
+    curve(ctx, way(leg), leg.frozen ? FROZEN : WAY, 2.5, dash(leg));
   }
 }
 
-// The way of an episode, cut where the robot was carried, frozen or learnt on. first: steps made before it.
-function legs(from, steps, first) {
-  const { kidnaps, experiment } = robotView, underWay = experiment.underWay && steps === experiment.steps;
+// The way of an episode, cut where the robot was carried, frozen or learnt on.
+function legs(from, steps) {
   const found = [];
   let points = [from];
   steps.forEach((step, k) => {
-    const { frozen } = step, last = k === steps.length - 1;
+    const { carried, frozen } = step;
     points.push(step);
-    const carried = kidnaps.findLast((kidnap) => kidnap.step === first + k + 1);
-    if (carried && (!last || underWay)) {
-      found.push({ points, frozen }, { points: [step, carried.pose], carried: true });
-      points = [carried.pose];
-    } else if (!last && steps[k + 1].frozen !== frozen) {
-      found.push({ points, frozen });
-      points = [step];
-    }
+    if (!carried && steps[k + 1]?.frozen === frozen) return;
+    found.push({ points, frozen });
+    if (carried) found.push({ points: [step, carried], frozen, carried });
+    points = [carried ?? step];
   });
-  return [...found, { points, frozen: steps.at(-1)?.frozen }];
+  return found;
 }
 
 // A ring ahead of what can be turned, far enough from its middle for a thumb.
-const handleAt = (scale) => Math.max(0.075, (34 * unit()) / scale);
+const handleAt = (scale) => Math.max(0.075, 34 / scale);
 
 function paintRobot(ctx, { scale, at }, pose, fill) {
-  ctx.lineWidth = 1.5 * unit();
+  ctx.lineWidth = 1.5;
   disc(ctx, ...at(pose), RADIUS_M * scale, fill, "#ffffff");
   curve(ctx, [at(pose), at(pose, RADIUS_M)], "#ffffff", 2.5);
 }
@@ -170,7 +157,7 @@ function paintMap(ctx, { scale, x, y }) {
     if (isMapped(value)) block(ctx, ...corner(position), side + 0.6, side + 0.6, cividis((value - low) / (high - low)));
   });
   ctx.strokeStyle = "#ffffff";
-  ctx.lineWidth = 2 * unit();
+  ctx.lineWidth = 2;
   values.forEach((value, position) => {
     if (value >= psi.upper) ctx.strokeRect(...corner(position), side, side);
   });
@@ -178,20 +165,20 @@ function paintMap(ctx, { scale, x, y }) {
 }
 
 function paintLegend(ctx, { x, y }) {
-  const u = unit(), [low, high] = similarities.range, wide = 90 * u, left = x(0) + 8 * u, top = y(0) - 30 * u;
+  const [low, high] = similarities.range, wide = 90, left = x(0) + 8, top = y(0) - 30;
   const dark = { fill: "#222222", base: "top", size: 11 };
-  block(ctx, left - 4 * u, top - 4 * u, wide + 128 * u, 27 * u, "rgb(255 255 255 / 0.85)");
-  scaleBar(ctx, left, top, wide, 9 * u);
-  text(ctx, low.toFixed(2), left, top + 10 * u, dark);
-  text(ctx, high.toFixed(2), left + wide, top + 10 * u, { ...dark, align: "right" });
+  block(ctx, left - 4, top - 4, wide + 128, 27, "rgb(255 255 255 / 0.85)");
+  scaleBar(ctx, left, top, wide, 9);
+  text(ctx, low.toFixed(2), left, top + 10, dark);
+  text(ctx, high.toFixed(2), left + wide, top + 10, { ...dark, align: "right" });
   ctx.strokeStyle = "#222222";
-  ctx.strokeRect(left + wide + 10 * u, top, 9 * u, 9 * u);
-  text(ctx, "stops there", left + wide + 25 * u, top - 2 * u, dark);
+  ctx.strokeRect(left + wide + 10, top, 9, 9);
+  text(ctx, "stops there", left + wide + 25, top - 2, dark);
 }
 
 function roomTitle() {
   const { experiment, hand, frozen } = robotView, { env, steps, episodes, diverged, underWay } = experiment;
-  if (hand) return env.fits(hand) ? "Let go, or press Enter, to put the robot here" : "The robot does not fit here";
+  if (hand) return env.fits(hand) ? handTitle() : "The robot does not fit here";
   if (diverged) return `The weights left the finite numbers in episode ${diverged}: this rule and step size diverge`;
   const training = experiment.settings.episodes, number = episodes.length + underWay;
   const episode = `Episode ${number}${number > training ? `, with what was learnt in ${training}` : ""}`;
@@ -209,10 +196,20 @@ function roomTitle() {
   return `${episode}${frozen ? ", frozen" : ""}, ${how}: similarity ${similarity.toFixed(3)}, it stops at ${env.psi.upper.toFixed(3)}`;
 }
 
+// What happens when the hand lets go.
+function handTitle() {
+  const { experiment: { done, underWay, episodes }, handsStart, frozen } = robotView, release = "Let go, or press Enter, and";
+  if (handsStart) return `${release} every episode starts here: a new run begins`;
+  const knowing = frozen ? "frozen as it is" : "with all that it has learnt";
+  if (underWay) return `${release} it goes on from here, ${knowing}: a kidnap`;
+  return `${release} episode ${episodes.length + 1} begins here, ${knowing}${done ? "" : ": press Play"}`;
+}
+
 // --- Hands ----------------------------------------------------------------------------------------------------------
 
 function setUpRoom() {
-  const { canvas } = new Chart("r-room", (DATA.room.size[1] + 2 * WALL_M) / (DATA.room.size[0] + 2 * WALL_M), paintRoom);
+  const [across, deep] = DATA.room.size.map((metres) => metres + 2 * WALL_M);
+  const chart = new Chart("r-room", deep / across, paintRoom), { canvas } = chart;
   let turning = false, from = null;
   const on = (type, act) => canvas.addEventListener(type, (event) => {
     if (robotView.experiment) act(event, robotView.hand);
@@ -222,16 +219,18 @@ function setUpRoom() {
     act(event, hand);
     refresh("r-room");
   };
-  const place = (event) => roomScale(canvas.clientWidth).back(event.offsetX, event.offsetY);
+  const place = (event) => {
+    const [width, , x, y] = chart.measure(event);
+    return roomScale(width).back(x, y);
+  };
   on("pointerdown", (event) => {
-    const { scale, at, back } = roomScale(canvas.clientWidth), point = place(event);
+    const { scale, at, back } = roomScale(chart.measure(event)[0]), point = place(event);
     const handle = (pose) => back(...at(pose, handleAt(scale)));
     const reach = (pose) => Math.min(apart(point, pose), apart(point, handle(pose)));
     const [nearest] = robotView.grips.sort((a, b) => reach(a) - reach(b));
-    if (reach(nearest) > Math.max(RADIUS_M, (22 * unit()) / scale)) return;
+    if (reach(nearest) > Math.max(RADIUS_M, 22 / scale)) return;
     turning = apart(point, handle(nearest)) < apart(point, nearest);
     from = nearest;
-    player.pause();
     canvas.setPointerCapture(event.pointerId);
     robotView.hold(nearest);
     refresh("r-room");
@@ -257,7 +256,6 @@ function setUpRoom() {
     else if (event.key === "Escape" && hand) robotView.hand = null;
     else if (moves[event.key]) {
       const [right, up, left] = moves[event.key];
-      player.pause();
       if (!hand) robotView.hold(robotView.grips[0]);
       robotView.hand.x += 0.02 * right;
       robotView.hand.y += 0.02 * up;

@@ -1,9 +1,19 @@
 // What is chosen, all of it in the address: #rule=gate&seed=3. A name is there only where it differs from the usual.
 
+// The rules to choose from: those of the settings, and two that hold what the reader chooses.
+const OFFERED = {
+  fixed: { group: "Fixed", label: "fixed λ", formula: "the same λ at every step: TD(λ) as in the textbooks" },
+  ...RULES,
+  own: {
+    group: "Yours", label: "a rule of your own",
+    formula: "from δ, δ₋, γ, φ, φ₋ and e₋, or delta, delta_prev, discount, phi, phi_prev and trace_prev; φ·φ or dot(phi, phi), abs, min, max, sqrt, ...",
+  },
+};
+
 // For each its usual value and what is allowed: some words, or a number in a range. view: the only one that asks for it.
 const OPTIONS = {
   view: { usual: "walk", words: ["walk", "robot"] },
-  rule: { usual: "fletcher-reeves", words: ["fixed", "own", ...Object.keys(RULES)] },
+  rule: { usual: "fletcher-reeves", words: Object.keys(OFFERED) },
   own: { usual: "0.7 if delta * delta_prev > 0 else 0" },
   lambda: { usual: 0.9, range: [0, 1] },
   guard: { usual: 0, range: [0, 1] }, // lambda where the rule divides by zero
@@ -126,10 +136,7 @@ function nameOf(text) {
   const { name, own, onZero, clip } = lambdaSpec(text);
   const options = `${onZero ? `, guard ${short(onZero)}` : ""}${clip ? "" : ", no reset"}`;
   if (name.startsWith("fixed:")) return `fixed λ = ${short(Number(name.slice(6)))}${options}`;
-  if (name !== "own") return ruleOption(name).label + options;
+  if (name !== "own") return OFFERED[name].label + options;
   if (text === chosen()) return (state.own === sound ? "your rule" : "your last readable rule") + options;
   return (own.length > 18 ? `${own.slice(0, 17)}…` : own) + options;
 }
-
-// The <option> that says what a rule is called, and its formula.
-const ruleOption = (name) => [...document.getElementById("rule").options].find((option) => option.value === name);

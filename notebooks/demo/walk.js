@@ -5,11 +5,13 @@ const WALKS = 30, FIRST = DATA.firstWalks, SEEDS = 20; // FIRST: as in the store
 
 const walkView = {
   walk: null,
+  played: "", // the key of the run
   known: new Map(), // errors of many seeds, by step size, number of walks and rule
 
   // Make the run anew, as far as it had come. The same seed takes the same way, whatever the rule.
   rebuild() {
     this.walk = new Walk(lambdaSpec(chosen()), state.alpha, state.seed);
+    this.played = this.key();
     const made = state.at;
     state.at = 0;
     while (state.at < made && this.advance());
@@ -41,6 +43,13 @@ const walkView = {
     Object.assign(state, { at: 0, pick: -1 });
     this.rebuild();
   },
+
+  // After a change: the same steps of another run.
+  change() {
+    this.rebuild();
+  },
+
+  key: () => [chosen(), state.alpha, state.seed].join(" "),
 
   show() {
     refresh("w-");
@@ -116,8 +125,7 @@ const walkView = {
 
   table() {
     const named = ["state", "after", "reward", "delta", "lambda", "clipped", "ratio"];
-    const traces = TRUE_VALUES.map((_, s) => `trace_${s}`);
-    const columns = ["walk", "step", ...named.map((name) => (name === "clipped" ? "reset" : name)), ...traces];
+    const columns = ["walk", "step", ...named, ...TRUE_VALUES.map((_, s) => `trace_${s}`)];
     return [columns, this.steps.map((step, t) => [this.number, t + 1, ...named.map((name) => step[name]), ...step.trace])];
   },
 };
@@ -130,24 +138,24 @@ function reach(steps, t, k) {
 }
 
 function paintChain(ctx, width, height) {
-  const u = unit(), { walk, steps, chosen } = walkView, now = steps[chosen], trace = now?.trace ?? [];
-  const left = 52 * u, right = width - 12 * u, values = [...walk.learner.weights];
+  const { walk, steps, chosen } = walkView, now = steps[chosen], trace = now?.trace ?? [];
+  const left = 52, right = width - 12, values = [...walk.learner.weights];
   const most = Math.min(1e6, Math.max(1, ...values.map(Math.abs).filter(Number.isFinite)));
   const box = panel(ctx, {
-    left, right, top: 22 * u, bottom: height - 48 * u, x: [-1.4, STATES + 0.4], y: [-most, most],
+    left, right, top: 22, bottom: height - 48, x: [-1.4, STATES + 0.4], y: [-most, most],
     yLabel: "value of a state: learnt (dots) and true (dashed)",
   });
   const blue = colour("blue-line"), points = (list) => list.map((value, s) => [box.x(s), box.y(value)]);
   curve(ctx, points(TRUE_VALUES), colour("soft"), 1.3, [6, 4]);
   curve(ctx, points(values), blue, 1.5);
-  for (const point of points(values)) disc(ctx, ...point, 3.5 * u, blue);
-  const y = height - 24 * u, radius = Math.min(12 * u, (0.42 * (right - left)) / STATES);
-  ctx.lineWidth = 1.2 * u;
+  for (const point of points(values)) disc(ctx, ...point, 3.5, blue);
+  const y = height - 24, radius = Math.min(12, (0.42 * (right - left)) / STATES);
+  ctx.lineWidth = 1.2;
   for (let s = 0; s < STATES; s++) {
-    disc(ctx, box.x(s), y, radius, Math.abs(trace[s]) > 1e-3 ? traceColour(trace[s]) : colour("ground"), colour("edge"));
+    disc(ctx, box.x(s), y, radius, Math.abs(trace[s]) > COUNTED ? traceColour(trace[s]) : colour("ground"), colour("edge"));
   }
-  ctx.lineWidth = 2.5 * u;
-  disc(ctx, box.x(now ? now.after : (STATES - 1) / 2), y, radius + 3.5 * u, null, colour("orange-line"));
+  ctx.lineWidth = 2.5;
+  disc(ctx, box.x(now ? now.after : (STATES - 1) / 2), y, radius + 3.5, null, colour("orange-line"));
   if (walk.diverged) return "The weights have left the finite numbers: this rule and step size diverge";
   if (!now) return "19 states in a row, a reward of 1 at the right end and −1 at the left: press Play, or 10 walks";
   const out = now.after < 0 ? "out at the left, reward −1" : "out at the right, reward 1";
@@ -156,38 +164,40 @@ function paintChain(ctx, width, height) {
   return `Walk ${number}, step ${chosen + 1}: from state ${now.state} ${where}; ${said}`;
 }
 
+const TRACE_TOP = 44;
+
 function paintTrace(ctx, width, height) {
-  const u = unit(), { steps, chosen } = walkView, axis = timeAxis(width, steps.length), { left, right, first, cell, x } = axis;
-  const top = 44 * u, bottom = 0.5 * height, forward = state.look === "forward";
+  const { steps, chosen } = walkView, axis = timeAxis(width, steps.length), { left, right, first, cell, x } = axis;
+  const top = TRACE_TOP, bottom = 0.5 * height, forward = state.look === "forward";
   const rows = forward ? Math.max(24, steps.length - first) : STATES, tall = (bottom - top) / rows;
   const y = (row) => (forward ? top + row * tall : bottom - (row + 1) * tall);
   const paintCell = (k, row, value) => block(ctx, x(k) - cell / 2, y(row), cell + 0.5, tall + 0.5, traceColour(value));
   block(ctx, left, top, right - left, bottom - top, colour("ground"));
   for (let k = first; k < steps.length; k++) {
     if (forward) {
-      for (let t = k, weight = 1; t >= first && weight > 1e-3; weight *= steps[t].lambda, t--) paintCell(k, t - first, weight);
+      for (let t = k, weight = 1; t >= first && weight > COUNTED; weight *= steps[t].lambda, t--) paintCell(k, t - first, weight);
     } else {
       steps[k].trace.forEach((value, s) => {
-        if (Math.abs(value) < 1e-3) return;
+        if (Math.abs(value) <= COUNTED) return;
         paintCell(k, s, value);
-        if (value > MOST && cell > 7) disc(ctx, x(k), y(s) + tall / 2, 1.6 * u, "#222222");
+        if (value > MOST && cell > 7) disc(ctx, x(k), y(s) + tall / 2, 1.6, "#222222");
       });
     }
   }
   const what = forward ? "row: a step; column: an error that changes it" : "trace of each state (row) at each step (column)";
-  text(ctx, what, left, 14 * u, { base: "bottom" });
-  paintScale(ctx, left, 22 * u, u);
-  if (!forward) for (const s of [0, 9, 18]) text(ctx, s, left - 6 * u, y(s) + tall / 2, { align: "right", fill: colour("soft") });
+  text(ctx, what, left, 14, { base: "bottom" });
+  paintScale(ctx, left, 22);
+  if (!forward) for (const s of [0, 9, 18]) text(ctx, s, left - 6, y(s) + tall / 2, { align: "right", fill: colour("soft") });
   if (chosen >= first) {
-    const from = x(chosen) - cell / 2, wide = Math.max(cell, 2 * u);
+    const from = x(chosen) - cell / 2, wide = Math.max(cell, 2);
     ctx.strokeStyle = colour("orange-line");
-    ctx.lineWidth = 2 * u;
-    if (forward) ctx.strokeRect(from, y(chosen - first), right - from, Math.max(tall, 3 * u));
+    ctx.lineWidth = 2;
+    if (forward) ctx.strokeRect(from, y(chosen - first), right - from, Math.max(tall, 3));
     else ctx.strokeRect(from, top, wide, bottom - top);
     if (!forward && state.row >= 0) ctx.strokeRect(from, y(state.row), wide, tall);
   }
-  const middle = bottom + 0.5 * (height - bottom) + 12 * u;
-  stems(ctx, steps, axis, { top: bottom + 34 * u, middle, bottom: height - 22 * u }, chosen);
+  const middle = bottom + 0.5 * (height - bottom) + 12;
+  stems(ctx, steps, axis, { top: bottom + 34, middle, bottom: height - 22 }, chosen);
   return traceTitle(steps, chosen, forward);
 }
 
@@ -195,18 +205,18 @@ function paintTrace(ctx, width, height) {
 const MOST = 1 + 1e-9;
 const traceColour = (value) => (value > MOST ? "#D55E00" : value < 0 ? "#CC79A7" : cividis(value));
 
-function paintScale(ctx, left, top, u) {
-  const wide = 90 * u, tall = 9 * u, right = left + wide;
+function paintScale(ctx, left, top) {
+  const wide = 90, tall = 9, right = left + wide;
   const name = (label, x) => text(ctx, label, x, top + tall / 2, { size: 11, fill: colour("soft") });
   name("0", left);
-  scaleBar(ctx, left + 11 * u, top, wide, tall);
-  name("1", right + 15 * u);
-  block(ctx, right + 36 * u, top, 2 * tall, tall, traceColour(2));
-  disc(ctx, right + 36 * u + tall, top + tall / 2, 1.6 * u, "#222222");
-  name("above 1", right + 59 * u);
+  scaleBar(ctx, left + 11, top, wide, tall);
+  name("1", right + 15);
+  block(ctx, right + 36, top, 2 * tall, tall, traceColour(2));
+  disc(ctx, right + 36 + tall, top + tall / 2, 1.6, "#222222");
+  name("above 1", right + 59);
   if (state.reset) return;
-  block(ctx, right + 118 * u, top, 2 * tall, tall, traceColour(-1));
-  name("below 0", right + 141 * u);
+  block(ctx, right + 118, top, 2 * tall, tall, traceColour(-1));
+  name("below 0", right + 141);
 }
 
 function traceTitle(steps, chosen, forward) {
@@ -215,24 +225,24 @@ function traceTitle(steps, chosen, forward) {
   const resets = steps.slice(1).filter(({ clipped }) => clipped).length;
   const said = lambdas.length ? ` λ: ${short(mean(lambdas), 2)} on average, reset at ${resets} of ${count(lambdas.length, "step")}` : "";
   if (forward) {
-    const weights = steps.slice(chosen).map((_, k) => reach(steps, chosen, chosen + k)).filter((weight) => weight > 0.01);
-    const errors = `the errors of ${count(weights.length, "step")}, their weights ${short(sum(weights))} in all`;
+    const weights = steps.slice(chosen).map((_, k) => reach(steps, chosen, chosen + k)).filter((weight) => weight > COUNTED);
+    const errors = `the errors of ${count(weights.length, "step")} (weights above ${COUNTED}), ${short(sum(weights))} in all`;
     return `What is learnt of ${step} is made of ${errors}.${said}`;
   }
-  const { trace } = steps[chosen], changed = trace.filter((value) => Math.abs(value) > 0.01).length;
+  const { trace } = steps[chosen], changed = trace.filter((value) => Math.abs(value) > COUNTED).length;
   const looked = state.row < 0 ? "" : `; the trace of state ${state.row} is ${short(trace[state.row])}`;
-  return `The error of ${step} changes ${count(changed, "state")}${looked}.${said}`;
+  return `The error of ${step} changes ${count(changed, "state")} (traces above ${COUNTED})${looked}.${said}`;
 }
 
 // The room that a figure of rules leaves for their names.
 function ruleFrame(ctx, width, height) {
-  const names = [...compared().map(({ name }) => name), "λ = 0.9"], u = unit();
-  return { left: 52 * u, right: width - widest(ctx, names), top: 22 * u, bottom: height - 42 * u };
+  const names = [...compared().map(({ name }) => name), "λ = 0.9"];
+  return { left: 52, right: width - widest(ctx, names), top: 22, bottom: height - 42 };
 }
 
 // Curves of rules, chosen and kept ones in colours, fixed ones in grey, each named at its end. points: of a rule's text.
 function paintRules(ctx, box, high, points) {
-  const u = unit(), ends = [];
+  const ends = [];
   const paint = (text, name, ink, label, ...look) => {
     const found = points(text);
     if (!found.length) return;
@@ -247,7 +257,7 @@ function paintRules(ctx, box, high, points) {
       paint(rule.text, rule.name, colour(`${rule.paint}-line`), rule.paint, rule.text === chosen() ? 3.2 : 2.2, rule.dash);
     }
   });
-  if (ends.length) labelEnds(ctx, ends, box.right + 8 * u, 30 * u, box.bottom);
+  if (ends.length) labelEnds(ctx, ends, box.right + 8, 30, box.bottom);
 }
 
 // "0.154 with gate, 0.159 with form 2; 0.111 with the best fixed λ, 0.8": the chosen rule first.
@@ -263,7 +273,7 @@ function paintErrors(ctx, width, height) {
   const box = panel(ctx, { ...ruleFrame(ctx, width, height), ...axes, yLabel: "error of the values (root of the mean square)" });
   paintRules(ctx, box, 0.65, (text) => walkView.means(text).map((error, k) => [k, error]));
   inside(ctx, box, () => walkView.walk.errors.slice(0, WALKS + 1).forEach((error, k) => {
-    disc(ctx, box.x(k), box.y(error), 2.6 * unit(), colour("ink"));
+    disc(ctx, box.x(k), box.y(error), 2.6, colour("ink"));
   }));
   const at = `At α = ${short(state.alpha)}`, { length } = walkView.runs(chosen(), state.alpha, WALKS);
   if (!length) return `${at}, ${WALKS} walks of many seeds: being worked out …`;
@@ -286,14 +296,13 @@ function paintBest(ctx, width, height) {
 
 function setUpWalk() {
   new Chart("w-chain", 230, paintChain);
-  const { canvas } = new Chart("w-trace", 430, paintTrace);
+  const chart = new Chart("w-trace", 430, paintTrace), { canvas } = chart;
   new Chart("w-error", 330, paintErrors);
   new Chart("w-best", 330, paintBest);
   canvas.addEventListener("click", (event) => {
-    const { left, first, cell } = timeAxis(canvas.clientWidth, walkView.steps.length);
-    const step = first + Math.floor((event.offsetX - left) / cell);
-    const top = 44 * unit(), bottom = 0.5 * canvas.clientHeight;
-    const row = Math.floor((STATES * (bottom - event.offsetY)) / (bottom - top));
+    const [width, height, x, y] = chart.measure(event), { left, first, cell } = timeAxis(width, walkView.steps.length);
+    const step = first + Math.floor((x - left) / cell), bottom = 0.5 * height;
+    const row = Math.floor((STATES * (bottom - y)) / (bottom - TRACE_TOP));
     if (step >= first && step < walkView.steps.length) walkView.pick(step, row >= 0 && row < STATES ? row : -1);
   });
   canvas.addEventListener("keydown", (event) => {

@@ -176,28 +176,16 @@ function remember(map, key, make) {
   return map.get(key);
 }
 
-// What a generator returns in the end.
-function drained(steps) {
-  for (;;) {
-    const { done, value } = steps.next();
-    if (done) return value;
-  }
-}
-
 // --- What the robot knows of home -----------------------------------------------------------------------------------
 
 // The snapshot and the pooled variance of the difference to it (eqs. 9, 10), from a random drive.
-const survey = (...all) => drained(surveying(...all));
-
-// The same a little at a time, for a page that must not stand still.
-function* surveying(world, settings, home, rng) {
+function survey(world, settings, home, rng) {
   const snapshot = world.histogram(home);
   const robot = new Robot(world, settings, home);
   const seen = [];
   for (let step = 0; step < settings.survey_steps; step++) {
     robot.act(rng.integers(3), rng);
     seen.push(world.nearest(robot.pose));
-    yield;
   }
   const views = new Map();
   const rows = seen.map((number) => remember(views, number, () => world.view(number)));
