@@ -212,22 +212,21 @@ def test_an_agent_of_ones_own_drives_and_is_recorded_as_it_says_and_as_the_seed_
     assert (delta == paid).all() and not change.any()
 
 
-def test_whoever_drives_has_the_survey_the_start_and_the_exploration_of_the_seed():
-    worlds = []
-    for make in (SarsaAgent, Mine, RandomAgent):
-        born, views, models = [], [], []
-
-        def watched(settings, rng, make=make, born=born, views=views):
-            born.append(rng.bit_generator.state)
-            agent = make(settings, rng)
-            choose = agent.choose
-            agent.choose = lambda phi: views.append(phi) or choose(phi)
-            return agent
-
-        settings = SHORT.with_changes(start="uniform")
-        run(settings, 4, agent=watched, afterwards=lambda env, _, models=models: models.append(env.model))
-        worlds.append((born, views[0].tobytes(), models[0].variance.tobytes()))
-    assert worlds[0] == worlds[1] == worlds[2]
+def test_whoever_drives_the_environment_alone_has_the_same_survey_starts_and_chance_from_the_seeds_that_it_names():
+    settings, rewards = SHORT.with_changes(controller="random", start="uniform"), []
+    survey_seed, agent_seed, world_seed = np.random.SeedSequence(4).spawn(3)
+    rng = np.random.default_rng(agent_seed)
+    with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
+        env.reset(seed=int(world_seed.generate_state(1)[0]))
+        for _ in range(settings.episodes):
+            env.reset()
+            action, ended = int(rng.integers(3)), False
+            while not ended:
+                _, reward, terminated, truncated, info = env.step(action)
+                rewards.append(reward)
+                ended = terminated or truncated
+                action = int(rng.integers(3)) if info["reflex"] < 0 else info["reflex"]
+    assert rewards == run(settings, 4).column("reward").tolist()
 
 
 def test_a_climber_keeps_to_an_action_while_the_similarity_rises_and_takes_another_when_it_does_not():

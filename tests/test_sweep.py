@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homing_lib import agent, storage
+from homing_lib import agent
 from homing_lib.agent import run
 from homing_lib.settings import Settings
 from homing_lib.study import runs, studies
@@ -326,11 +326,10 @@ def test_what_a_killed_process_was_writing_is_cleared_away_but_nothing_that_one_
 
 
 @pytest.mark.parametrize("which", ["a block", "the table"])
-def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is_kept(which, here, whole, monkeypatch):
+def test_a_full_disk_is_named_with_the_file_in_one_line_and_what_was_finished_is_kept(which, here, whole):
     place = TABLE.table if which == "the table" else TABLE.jobs()[3].path
     place.parent.mkdir(parents=True)
-    monkeypatch.setattr(storage, "part_of", lambda path: path.with_name(f".{path.stem}.part{path.suffix}"))
-    storage.part_of(place).symlink_to("/dev/full")
+    place.with_name(f".{place.stem}.{os.getpid()}.part{place.suffix}").symlink_to("/dev/full")
     assert refusal(sweep, TABLE, workers=1) == f"{place}: cannot be written (No space left on device)"
     done = sum(len(job.seeds) for job in TABLE.jobs() if job.path.exists())
     assert not leftovers(here)

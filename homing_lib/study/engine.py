@@ -26,7 +26,7 @@ from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv
 from homing_lib.errors import UserError
 from homing_lib.features import Array
-from homing_lib.lambdas import AnyRule, Fixed, LambdaRule
+from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.robot import FRONT_SENSORS, Robot
 from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
@@ -46,7 +46,7 @@ _COLUMNS = len(in_python.STEP_COLUMNS)
 # --- The door ---------------------------------------------------------------------------------------------------------
 
 
-def run(settings: Settings, seed: int, lambda_rule: AnyRule | None = None, *more: Any, **how: Any) -> Run:
+def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
     """`agent.run`, with all that it takes, some ten times as fast where it can be compiled."""
     try:
         return run_compiled(settings, seed, lambda_rule, *more, **how)
@@ -54,7 +54,7 @@ def run(settings: Settings, seed: int, lambda_rule: AnyRule | None = None, *more
         return in_python.run(settings, seed, lambda_rule, *more, **how)
 
 
-def run_compiled(settings: Settings, seed: int, lambda_rule: AnyRule | None = None, *more: Any, **how: Any) -> Run:
+def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, *more: Any, **how: Any) -> Run:
     """The same, or ForPython."""
     if settings.images == "camera" or load() is None:
         raise ForPython

@@ -163,7 +163,7 @@ def compare(
         raise UserError(f"seeds = {shown(seeds)}: step sizes are chosen on some of them; {remedy}")
     candidates = {label: [settings.with_changes(alpha0=size) for size in sizes] or [settings] for label in driven}
 
-    runs = {label: partial(run, lambda_rule=rule) for label, rule in rules.items()}
+    runs: dict[str, Any] = {label: partial(run, lambda_rule=rule) for label, rule in rules.items()}
     runs |= {label: partial(run, agent=makes) for label, makes in agents.items()}
 
     def steps_of(those: Sequence[Candidate], seeds: Sequence[int]) -> Array:
