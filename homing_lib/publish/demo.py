@@ -43,6 +43,7 @@ def scripts(names: tuple[str, ...] = CORE) -> str:
 
 
 def source(name: str) -> str:
+    """The text of a file of the page, with plain ends of lines."""
     path = SOURCES / name
     if not path.exists():
         raise missing(path, "missing; restore it with git")
@@ -84,7 +85,7 @@ def judged(name: str) -> dict[str, str]:
 
 
 def palette() -> str:
-    """The colours of the figures as custom properties of CSS."""
+    """The colours of the figures, as custom properties of CSS."""
     names = ("BLUE", "ORANGE", "GREEN", "SKY", "GREY", "INK")
     colours = "".join(f"--{name.lower()}: {getattr(style, name)}; " for name in names)
     return f":root {{ {colours}--pink: {style.PINK}; }}\n"
@@ -98,14 +99,15 @@ def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
         textures.append(paint(texture, room.texture_seed, name)[::2, ::2])
         return len(textures) - 1
 
-    def thing(one: Any) -> dict[str, Any]:
-        given = {name: value for name, value in vars(one).items() if name not in ("texture", "front")}
-        given |= {"kind": type(one).__name__, "texture": painted(one.texture, one.name)}
-        front = getattr(one, "front", None)
-        return given | {"front": painted(front, one.name) if front else given["texture"]}
+    def thing(item: Any) -> dict[str, Any]:
+        texture = painted(item.texture, item.name)
+        front = getattr(item, "front", None)
+        shape = {name: value for name, value in vars(item).items() if name not in ("texture", "front")}
+        faces = {"texture": texture, "front": painted(front, item.name) if front else texture}
+        return shape | faces | {"kind": type(item).__name__}
 
-    def picture(number: int, one: Any) -> dict[str, Any]:
-        return {**vars(one), "texture": painted(one.texture, f"picture {number}"), "rgb": one.texture.rgb}
+    def picture(number: int, item: Any) -> dict[str, Any]:
+        return {**vars(item), "texture": painted(item.texture, f"picture {number}"), "rgb": item.texture.rgb}
 
     described = {
         "size": room.size,
@@ -113,8 +115,8 @@ def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
         "floor": painted(room.floor, "floor"),
         "walls": {name: painted(texture, f"{name} wall") for name, texture in room.walls.items()},
         "colours": {name: texture.rgb for name, texture in room.walls.items()},
-        "objects": [thing(one) for one in room.objects],
-        "pictures": [picture(number, one) for number, one in enumerate(room.pictures, start=1)],
+        "objects": [thing(item) for item in room.objects],
+        "pictures": [picture(number, item) for number, item in enumerate(room.pictures, start=1)],
     }
     return described, textures
 
