@@ -163,12 +163,12 @@ def compare(
         raise UserError(f"seeds = {shown(seeds)}: step sizes are chosen on some of them; {remedy}")
     candidates = {label: [settings.with_changes(alpha0=size) for size in sizes] or [settings] for label in driven}
 
-    runs: dict[str, Any] = {label: partial(run, lambda_rule=rule) for label, rule in rules.items()}
-    runs |= {label: partial(run, agent=makes) for label, makes in agents.items()}
+    how: dict[str, dict[str, Any]] = {label: {"lambda_rule": rule} for label, rule in rules.items()}
+    how |= {label: {"agent": makes} for label, makes in agents.items()}
 
     def steps_of(those: Sequence[Candidate], seeds: Sequence[int]) -> Array:
         def of_seed(seed: int) -> Array:
-            return episode_matrix([runs[label](its_own, seed) for label, its_own in those])
+            return episode_matrix([run(its_own, seed, **how[label]) for label, its_own in those])
 
         return np.array(side_by_side(of_seed, seeds, driven.values())).swapaxes(0, 1)
 
