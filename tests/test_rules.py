@@ -105,7 +105,7 @@ def test_each_drives_with_the_step_size_that_was_best_on_seeds_that_do_not_judge
 
 
 def test_the_table_says_whether_other_step_sizes_might_be_better_and_when_none_matters(driven):
-    driven(lambda alpha0, seed, agent: 40 if agent is Forwards else 10 + 1000 * abs(alpha0 - (0.3 if agent else 0.2)))
+    driven(lambda alpha0, seed, agent: 100 if agent is Forwards else 10 + 1000 * abs(alpha0 - (0.3 if agent else 0.2)))
     agents = {"agent": RandomAgent, "indifferent": Forwards}
     table = str(rules.compare({"rule": Fixed(0)}, [7, 8], agents=agents, step_sizes=(0.1, 0.2, 0.3), choose=range(6)))
     assert [row.split(" | ")[:2] for row in table.splitlines()] == [
@@ -115,6 +115,7 @@ def test_the_table_says_whether_other_step_sizes_might_be_better_and_when_none_m
         ["| agent", "0.3, the largest tried"],
         ["| indifferent", "any"],
     ]
+    assert [row.split(" | ")[-1] for row in table.splitlines()[2:]] == ["0 |", "0 |", "2 |"]  # chance takes 100 steps
 
 
 @pytest.mark.parametrize(("agents", "seeds"), [({}, rules.THOUSAND), ({"mine": Forwards}, rules.HUNDRED)])
