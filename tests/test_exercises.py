@@ -8,6 +8,7 @@ import nbformat
 import numpy as np
 import pytest
 
+from homing_lib.agent import Learnt
 from homing_lib.features import HomeModel
 from homing_lib.publish.notebooks import NOTEBOOKS
 from homing_lib.settings import Settings
@@ -80,6 +81,20 @@ def test_every_check_is_asked_by_the_exercise_that_it_is_named_after():
     checks = {one.title.split(" ")[0] for one in vars(exercises).values() if isinstance(one, Check)}
     assert checks == {f"{int(name[:2])}.{number}" for name, number in CHECKED}
     assert not [name for name, _ in CHECKED if "```python" in cells(name)["exercises"].source]
+
+
+def sarsa(self, phi, action, reward, phi_next, next_action, terminal, at_wall, mask=False, moves=None):
+    """Exercise 3.3 with another look ahead, or other weights that move."""
+    ahead = 0 if terminal and mask else np.dot(self.probabilities(phi_next), self.theta @ phi_next)
+    ahead = ahead if mask or moves else self.theta[next_action] @ phi_next
+    delta = reward + self.settings.discount * ahead - self.theta[action] @ phi
+    self.theta[moves or action] += self.settings.alpha0 * self.rate * delta * phi
+    return Learnt(delta)
+
+
+@pytest.mark.parametrize("wrong", [{}, {"mask": True}, {"moves": slice(None)}])
+def test_another_look_ahead_or_other_weights_are_no_expected_sarsa(wrong):
+    assert exercises.expected_sarsa.judge(partial(sarsa, **wrong)).verdict == "wrong"
 
 
 def left(shares, chance=True):

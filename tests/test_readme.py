@@ -1,20 +1,27 @@
-"""What readers meet first: the README, whose code runs as it stands, and the first lines of each notebook."""
+"""What readers meet first: README and CONTRIBUTING, whose code runs as it stands, and the notebooks at first sight."""
 
 import json
 import re
 import sys
+from functools import partial
 
 import pytest
 
 import homing_lib
 from homing_lib.__main__ import homing
+from homing_lib.publish import where
 from homing_lib.storage import ROOT
+from homing_lib.study import rules
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md")}
 SAMPLES = dict(
-    zip(("LinearTD", "agent.run", "gymnasium.make"), re.findall(r"```python\n(.*?)```", README, re.S), strict=True)
+    zip(
+        ("agent.run", "step_sizes", "gymnasium.make"),
+        re.findall(r"```python\n(.*?)```", TEXTS["README.md"], re.S),
+        strict=True,
+    )
 )
-LINKS = sorted(set(re.findall(r"\]\((?!https?:)([^)]+)\)", README)))
+LINKS = sorted({path for text in TEXTS.values() for path in re.findall(r"\]\((?!https?:)([^)]+)\)", text)})
 
 
 @pytest.mark.parametrize("shows", SAMPLES)
@@ -22,17 +29,18 @@ def test_each_sample_of_the_readme_runs_where_pybullet_cannot_be_loaded(shows, m
     monkeypatch.setitem(sys.modules, "pybullet", None)
     monkeypatch.delitem(sys.modules, "homing_lib.arena", raising=False)
     monkeypatch.delattr(homing_lib, "arena", raising=False)
+    monkeypatch.setattr(rules, "compare", partial(rules.compare, seeds=range(100, 103), choose=range(2)))
     assert shows in SAMPLES[shows]
     exec(SAMPLES[shows], {})
     assert "nan" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("path", LINKS)
-def test_what_the_readme_links_is_there(path):
+def test_what_is_linked_is_there(path):
     assert (ROOT / path).exists()
 
 
-@pytest.mark.parametrize("text", ["README.md", "data/README.md", "notebooks/TEACHING.md", "paper/report.tex"])
+@pytest.mark.parametrize("text", [*TEXTS, "data/README.md", "notebooks/TEACHING.md", "paper/report.tex"])
 def test_every_command_that_is_named_to_a_reader_is_there(text):
     written = (ROOT / text).read_text(encoding="utf-8")
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
@@ -49,3 +57,10 @@ def test_each_notebook_says_first_what_it_teaches_what_it_needs_and_how_long_it_
         assert re.search(line, texts[0]), line
     headings = re.findall(r"^#+ .*", "\n".join(texts), re.M)
     assert not [heading for heading in headings if "$" in heading], "a table of contents shows the bare LaTeX"
+
+
+def test_the_cell_of_a_figure_says_itself_which_finding_it_draws():
+    for name, figure in where.drawn().items():
+        cells = json.loads(figure.notebook.read_text(encoding="utf-8"))["cells"]
+        (source,) = ("".join(cell["source"]) for cell in cells if cell["id"] == figure.cell)
+        assert not [asked for asked in figure.asked if f'"{asked}"' not in source], name

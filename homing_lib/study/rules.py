@@ -1,13 +1,12 @@
-"""Lambda rules, or whole agents, side by side on the robot: the same seeds and settings, a verdict with its interval.
+"""Lambda rules and other learners side by side on the robot: the same seeds, each with its start and its survey.
 
-A lesson's tool, quick on the compact atlas. All rules share one step size; which step size suits which rule is a
-question for a study (`varying`).
+A lesson's tool, quick on the compact atlas. Which step size suits a learner depends on the learner: give `compare`
+several, and each drives with its own best, chosen on seeds on which it is not judged.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from inspect import signature
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,21 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from homing_lib.agent import AgentFactory
-from homing_lib.errors import UserError, shown
+from homing_lib.errors import UserError, misfit, shown
 from homing_lib.features import Array
-from homing_lib.lambdas import LambdaRule, checked
+from homing_lib.lambdas import AnyRule, lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import iqm
-from homing_lib.study.engine import run, side_by_side
+from homing_lib.study.engine import compiles, run, side_by_side
 from homing_lib.study.findings import Comparison, compare_to_first
-from homing_lib.study.measures import WINDOW
+from homing_lib.study.measures import CUT, WINDOW
 from homing_lib.study.runs import episode_matrix, seeds_of
+
+CHOOSE = range(100)
+"""The seeds on which step sizes are chosen: all of them on the first fifth, the best two on the others."""
+
+THOUSAND, HUNDRED = range(10_000, 11_000), range(10_000, 10_100)
+"""The seeds on which robots are compared: a thousand where all of them can be compiled, else a hundred."""
 
 
 class ResampledLambda:
@@ -47,11 +52,17 @@ class ResampledLambda:
 
 @dataclass(frozen=True)
 class Rules:
-    """Rules, or agents, compared. steps: by label, steps of each episode, shape (seeds, episodes), two seeds or more.
-    str() is a table in Markdown.
+    """Rules and other learners, compared. str() is a table in Markdown.
+
+    steps: by label, steps of each episode, shape (seeds, episodes), two seeds or more. step_size: by label, what was
+    chosen of `tried`, or None where it makes no difference. chance: steps of an episode of random actions; where
+    they are not known, the table has no lost robots.
     """
 
     steps: Mapping[str, Array]
+    step_size: Mapping[str, float | None] = field(default_factory=dict)
+    tried: Sequence[float] = ()
+    chance: float | None = None
 
     def __post_init__(self) -> None:
         for label, steps in self.steps.items():
@@ -70,23 +81,35 @@ class Rules:
 
     def of_first(self, count: int) -> "Rules":
         """What the first few seeds alone would say."""
-        return Rules({label: steps[:count] for label, steps in self.steps.items()})
+        return replace(self, steps={label: steps[:count] for label, steps in self.steps.items()})
 
     def __str__(self) -> str:
         first, *_ = self.steps
-        rows = [
-            f"| rule | total steps, mean | ratio of means to {first} | verdict | last {WINDOW} episodes, typical (IQM) "
-            f"| ratio of IQMs to {first} | verdict |",
-            "|---|---|---|---|---|---|---|",
-        ]
+        head = ["learner", "step size", "total steps, mean", f"ratio of means to {first} [95 %]", "verdict"]
+        head += [f"last {WINDOW} episodes, interquartile mean", f"ratio of interquartile means to {first} [95 %]"]
+        rows = [[*head, "verdict", f"lost, of {len(self.steps[first]):,}"]]
         for label, steps in self.steps.items():
-            total, late = (
-                f"{against[label]:.2f} | {against[label].verdict}" if label in against else "1 |"
-                for against in (self.verdicts, self.late)
-            )
-            typical = float(iqm(_late(steps))[0])
-            rows.append(f"| {label} | {_total(steps).mean():,.0f} | {total} | {typical:.1f} | {late} |")
-        return "\n".join(rows)
+            late = _late(steps)
+            total = f"{_total(steps).mean():,.0f}", *_against(self.verdicts, label)
+            typical = f"{float(iqm(late)[0]):.1f}", *_against(self.late, label)
+            lost = "" if self.chance is None else str((late >= self.chance).sum())
+            rows.append([label, self._chosen(label), *total, *typical, lost])
+        known = [(title, "---", *cells) for title, *cells in zip(*rows, strict=True) if any(cells)]
+        return "\n".join(f"| {' | '.join(row)} |" for row in zip(*known, strict=True))
+
+    def _chosen(self, label: str) -> str:
+        """A step size, and whether one beyond those that were tried might be better."""
+        if not self.step_size:
+            return ""
+        size = self.step_size[label]
+        ends = {min(self.tried): "smallest", max(self.tried): "largest"} if len(self.tried) > 1 else {}
+        return "any" if size is None else f"{size:g}, the {ends[size]} tried" if size in ends else f"{size:g}"
+
+
+def _against(comparisons: Mapping[str, Comparison], label: str) -> tuple[str, str]:
+    """A ratio to the first with its interval, and what that says; the first is 1."""
+    one = comparisons.get(label)
+    return (f"{one:.2f}", one.verdict) if one else ("1", "")
 
 
 def _total(steps: Array) -> Array:
@@ -100,45 +123,104 @@ def _late(steps: Array) -> Array:
 _TOO_FEW = "one robot says nothing of how robots differ; give two or more"
 
 
+@cache
+def steps_at_random(settings: Settings) -> float:
+    """Steps of an episode of random actions, the mean of ten robots: who ends with as many, or diverged, is lost."""
+    drawn = settings.with_changes(controller="random")
+    return float(np.mean([episode_matrix([run(drawn, seed)]) for seed in range(10)]))
+
+
 def compare(
-    rules: Mapping[str, LambdaRule],
-    seeds: Sequence[int],
+    rules: Mapping[str, AnyRule],
+    seeds: Sequence[int] | None = None,
     settings: Settings | None = None,
     *,
     agents: Mapping[str, AgentFactory] | None = None,
+    step_sizes: Sequence[float] = (),
+    choose: Sequence[int] = CHOOSE,
 ) -> Rules:
-    """Run every rule with every seed, and other agents. agents: by label what makes one of settings and rng, such as a
-    class (`agent.Agent`).
+    """Run every rule with every seed, and other learners.
 
-    settings: by default the paper's robot on the compact atlas. A run that diverges counts as `max_steps` steps in each
-    episode that it did not finish. Before any run, raises UserError for what are no seeds, or only one, and for a label
-    that stands twice; TypeError, which names the label, for what is no rule, or makes no agent.
+    rules: by label, a function or a name such as "fixed:0.9" (`lambdas.lambda_spec`). agents: by label, what makes a
+    learner of settings and rng, such as a class (`agent.Agent`); it is to begin with the step size `settings.alpha0`.
+    step_sizes: each drives with the one of them that takes the fewest steps on the seeds `choose`, an episode cut at
+    `CUT`; without, all have that of the settings. seeds: by default 10000 to 10999 if all can be compiled, else to
+    10099. settings: by default the paper's robot on the compact atlas. A run that diverges counts as `max_steps` steps
+    in each episode that it did not finish.
+
+    Before any run, raises UserError for seeds that are none, only one, or among those that choose, and for a label that
+    stands twice; TypeError or ValueError, which names the label, for what is no rule, or makes no agent.
     """
     settings, agents = settings or Settings(images="compact"), agents or {}
-    seeds = seeds_of(seeds)
+    driven = _learners(rules, agents)
+    if seeds is None:
+        seeds = THOUSAND if all(map(compiles, driven.values())) else HUNDRED
+    seeds, choose, sizes = seeds_of(seeds), seeds_of(choose), _sizes(step_sizes)
     if len(seeds) < 2:
         raise UserError(f"seeds = {shown(seeds)}: {_TOO_FEW}")
+    if sizes and not {*seeds}.isdisjoint(choose):
+        remedy = "judge on others, such as range(10000, 10100)"
+        raise UserError(f"seeds = {shown(seeds)}: step sizes are chosen on some of them; {remedy}")
+    candidates = {label: [settings.with_changes(alpha0=size) for size in sizes] or [settings] for label in driven}
+
+    how: dict[str, dict[str, Any]] = {label: {"lambda_rule": rule} for label, rule in rules.items()}
+    how |= {label: {"agent": makes} for label, makes in agents.items()}
+
+    def steps_of(those: Sequence[Candidate], seeds: Sequence[int]) -> Array:
+        def of_seed(seed: int) -> Array:
+            return episode_matrix([run(its_own, seed, **how[label]) for label, its_own in those])
+
+        return np.array(side_by_side(of_seed, seeds, driven.values())).swapaxes(0, 1)
+
+    if len(sizes) > 1:
+        few = max(1, len(choose) // 5)
+        for keep, on in ((2, choose[:few]), (1, choose[few:] or choose)):
+            candidates = _best(candidates, keep, partial(steps_of, seeds=on))
+    steps = steps_of([(label, best) for label, (best, *_) in candidates.items()], seeds)
+    chosen = {label: best.alpha0 if not others else None for label, (best, *others) in candidates.items()}
+    return Rules(dict(zip(driven, steps, strict=True)), chosen if sizes else {}, sizes, steps_at_random(settings))
+
+
+Candidate = tuple[str, Settings]
+
+
+def _best(
+    candidates: Mapping[str, Sequence[Settings]], keep: int, steps_of: Callable[[Sequence[Candidate]], Array]
+) -> dict[str, list[Settings]]:
+    """Of each label's settings those that take the fewest steps, episodes cut: so many, and more where they tie."""
+    those = [(label, one) for label, several in candidates.items() for one in several]
+    score = dict(zip(those, np.minimum(steps_of(those), CUT).sum(axis=2).mean(axis=1), strict=True))
+    left = {}
+    for label, several in candidates.items():
+        last = sorted(score[label, one] for one in several)[:keep][-1]
+        left[label] = [one for one in several if score[label, one] <= last]
+    return left
+
+
+def _learners(rules: Mapping[str, AnyRule], agents: Mapping[str, AgentFactory]) -> dict[str, Any]:
+    """By label, the functions of the rules, and what makes the agents. Raises as `compare` does."""
     for label in agents:
         if label in rules:
             raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
-    for label in (*rules, *agents):
+    found: dict[str, Any] = {**rules, **agents}
+    for label, one in found.items():
         try:
-            checked(rules[label]) if label in rules else _makes_agent(agents[label])
-        except TypeError as error:
-            raise TypeError(f"{label}: {error}") from None
-
-    def of_seed(seed: int) -> Array:
-        learnt = [run(settings, seed, rule) for rule in rules.values()]
-        return episode_matrix(learnt + [run(settings, seed, agent=makes) for makes in agents.values()])
-
-    driven: list[Any] = [*rules.values(), *agents.values()]
-    steps = np.array(side_by_side(of_seed, seeds, driven))
-    return Rules({label: steps[:, k] for k, label in enumerate((*rules, *agents))})
+            found[label] = lambda_spec(one).rule if label in rules else _makes_agent(one)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{label}: {error}") from None
+    return found
 
 
-def _makes_agent(makes: Any) -> None:
-    """TypeError for what cannot be called with settings and a random generator."""
+def _sizes(step_sizes: Any) -> tuple[float, ...]:
+    """Step sizes, each once. Raises UserError; which values they may have, the settings say."""
     try:
-        signature(makes).bind(Settings(), np.random.default_rng())
-    except TypeError as error:
-        raise TypeError(f"an agent is made by a function of settings and a random generator: {error}") from None
+        return tuple({float(size): None for size in step_sizes})
+    except (TypeError, ValueError):
+        raise UserError(f"step_sizes = {shown(step_sizes)}: must be a list of numbers, as (0.0004, 0.00125)") from None
+
+
+def _makes_agent(makes: Any) -> AgentFactory:
+    """The same. TypeError for what cannot be called with settings and a random generator."""
+    if wrong := misfit(makes, "settings", "rng"):
+        raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
+    return makes

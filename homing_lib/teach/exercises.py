@@ -6,6 +6,7 @@ whether the answer holds, or what must.
 
 from collections.abc import Callable, Mapping, Sequence
 from math import pi
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
@@ -16,6 +17,8 @@ from homing_lib import thresholds
 from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves
+from homing_lib.policy import softmax
+from homing_lib.sarsa import td_error
 from homing_lib.settings import Settings
 from homing_lib.study import walk
 from homing_lib.study.bootstrap import iqm
@@ -115,6 +118,29 @@ def share_in_band(share: Callable[[Array, Thresholds], float]) -> None:
     for _ in range(5):
         nrb = np.r_[rng.uniform(2 * psi.lower - psi.upper, 2 * psi.upper - psi.lower, 30), psi.lower, psi.upper]
         if not alike(share(nrb.copy(), psi), ((nrb >= psi.lower) & (nrb < psi.upper)).mean()):
+            raise Wrong
+
+
+@check("3.3 · expected Sarsa")
+def expected_sarsa(learn: Any) -> None:
+    """Its TD error looks ahead to the mean value of the next view under its policy, and moves the weights of the action
+    taken along the view.
+
+    learn: as `Agent.learn`, of a learner with `settings`, `rate`, `theta`, shape (3, n), and `probabilities`.
+    """
+    rng, settings, rate = np.random.default_rng(33), Settings(discount=0.9), 0.5
+    for action in range(3):
+        theta, (phi, phi_next) = rng.normal(size=(3, settings.n_features)), rng.random((2, settings.n_features))
+
+        def probabilities(view: Array, theta: Array = theta) -> list[float]:
+            return softmax((theta @ view).tolist(), 5.0)
+
+        learner = SimpleNamespace(settings=settings, rate=rate, theta=theta.copy(), probabilities=probabilities)
+        learnt = learn(learner, phi, action, -0.5, phi_next, 0, action == 2, False)
+        ahead = np.dot(probabilities(phi_next), theta @ phi_next)
+        delta = td_error(theta[action] @ phi, -0.5, settings.discount, ahead)
+        theta[action] += settings.alpha0 * rate * delta * phi
+        if not (alike(learnt.delta, delta) and alike(learner.theta, theta)):
             raise Wrong
 
 
