@@ -189,6 +189,7 @@ def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
     return header, atlas
 
 
+@cache  # each run asks
 def digest(room: Room, settings: Settings) -> str:
     """A hash over all that the bytes of an atlas depend on, in three parts: settings; room and code; packages."""
     made_by = (features.bins_per_channel, features.histogram, Lattice, _axis, render)

@@ -120,6 +120,9 @@ class Room:
         if unknown := {*self.home_objects} - {thing.name for thing in self.objects}:
             raise ValueError(f"home_objects: no object has the name {unknown.pop()}")
 
+    def __hash__(self) -> int:
+        return hash(self.name)  # walls is a dict
+
 
 def read_rooms(file: Path) -> dict[str, Room]:
     """The rooms of such a file, by name. Raises UserError, in one line, if it is not there or not right."""
