@@ -287,7 +287,7 @@ def test_an_environment_is_kept_and_one_of_another_python_or_that_was_copied_is_
 PIP = """
 import os, sys
 if sys.argv[1:] == ["config", "list"]:
-    print("global.index-url='https://a'\\nglobal.user='1'\\ninstall.index-url='https://b'\\n:env:.target='/c'")
+    print("global.index-url='https://a'\\nglobal.user='1'\\ninstall.index-url='https://b?c=d'\\n:env:.target='/c'")
 else:
     print(*sys.argv[1:], *sorted(name for name in os.environ if name[:4] == "PIP_"), os.environ["PIP_INDEX_URL"])
 """
@@ -304,7 +304,7 @@ def test_an_environment_has_the_library_beside_it_wherever_it_is_copied_and_the_
     assert done.returncode == 0, done.stderr
     said, locked, package = done.stdout.splitlines()
     assert said.startswith(".venv: ")
-    settings = "PIP_CONFIG_FILE PIP_DISABLE_PIP_VERSION_CHECK PIP_INDEX_URL https://b"
+    settings = "PIP_CONFIG_FILE PIP_DISABLE_PIP_VERSION_CHECK PIP_INDEX_URL https://b?c=d"
     assert locked.endswith(f"--require-hashes -r lock {settings}")
     assert package.endswith(f"--no-deps --no-build-isolation -e . {settings}")
     assert (home / ".venv/.ready").read_text(encoding="utf-8") == f"{VERSION} {home}\n"
