@@ -161,7 +161,7 @@ def test_a_rule_is_compared_over_seeds_with_those_chosen_before_it(browser):
 
 
 def test_ten_seeds_run_between_frames_and_can_be_stopped(browser):
-    opened(browser, "view=robot")
+    opened(browser, "view=robot&alpha=0.4")
     browser.click("#robot-seeds")
     browser.until("robotView.rows(chosen()).length >= 1")
     assert browser("at('robot-seeds').textContent").startswith("Stop ")
@@ -170,6 +170,7 @@ def test_ten_seeds_run_between_frames_and_can_be_stopped(browser):
     assert 1 <= done < 10
     assert browser("[state.seeds, robotView.working]") == [done, False]
     assert f"&seeds={done}" in browser("address()")
+    assert "alpha=" not in browser("address()")  # which is the walk's
 
 
 def test_at_most_three_rules_are_kept_and_each_can_be_dropped(browser):
