@@ -57,7 +57,7 @@ def test_from_a_checkout_with_other_ends_of_lines_it_is_the_same(files, monkeypa
     as_it_is = site.content
 
     def as_on_windows(path: Path) -> bytes:
-        binary = path.suffix in (".pdf", ".png", ".gif")
+        binary = path.suffix in site.BINARY
         return as_it_is(path) if binary else as_it_is(path).replace(b"\n", b"\r\n")
 
     monkeypatch.setattr(site, "content", as_on_windows)

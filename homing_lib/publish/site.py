@@ -49,6 +49,7 @@ DOORS = (
 TEXTS = {"index.html": ROOT / "README.md", "teaching.html": NOTEBOOKS / "TEACHING.md"}
 COPIED = (".pdf", ".png", ".gif", ".ipynb")
 """What comes along where a page links to it; a link to a source becomes plain text."""
+BINARY = (".pdf", ".png", ".gif", ".parquet")
 
 HOMEWARDS = ("<h1>The homing companion</h1>", '<h1><a href="index.html">The homing companion</a></h1>')
 """The heading of the demonstration, and what it is in the site: the way back."""
@@ -84,7 +85,7 @@ def build() -> dict[str, bytes]:
             around = {"before": ends[place - 1], "after": ends[place + 1], "folded": place > LESSONS}
             files |= converted(notebook, address, partial(links.from_folder, NOTEBOOKS), **around)
     return files | {
-        path.relative_to(ROOT).as_posix(): text(path).encode() if path.suffix == ".ipynb" else content(path)
+        path.relative_to(ROOT).as_posix(): content(path) if path.suffix in BINARY else text(path).encode()
         for path in links.copied
     }
 

@@ -135,8 +135,8 @@ LATTICE_VIEWS = study(
 
 UNLEARNT = study(
     "unlearnt",
-    "How many steps do random actions take in each room, and the climb? Who takes more than random actions in its last "
-    "five episodes is lost.",
+    "How many steps do random actions take in each room, and the climb? Who diverged, or "
+    "takes more than random actions in its last five episodes, is lost.",
     labelled(
         Settings(images="atlas", room=room, controller=controller)
         for room in ROOMS
