@@ -18,7 +18,7 @@ from homing_lib.study.theorem import Distance
 
 @styled
 def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen: Mapping[int, float]) -> Figure:
-    """Figure 3: both printed forms of the threshold against the multiplier, and how much one more changes them.
+    """The paper's Fig. 3: the threshold against the multiplier in both printed forms, and what one more changes.
 
     multiplier: consecutive whole numbers; chosen: the thresholds in use by their multipliers.
     """

@@ -121,7 +121,7 @@ def changed_settings(changes: Iterable[str], settings: "Settings | None" = None)
 @click.option("--out", type=Path, metavar="FILE.npz", help="Store the run.")
 @click.option("--as-printed", is_flag=True, help="Start from the paper's letter, not from our choices.")
 def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool) -> None:
-    """One experiment, with the camera; prints a summary."""
+    """One experiment, with the camera or on an atlas (--set images=compact); prints a summary."""
     from tqdm import tqdm
 
     from homing_lib import agent

@@ -29,7 +29,7 @@ def learning_curves(
     random: Interval,
     window: int,
 ) -> Figure:
-    """Figure 6: steps, reward and parameter change per episode: mean and range of the runs, shape (runs, episodes).
+    """The paper's Fig. 6: steps, reward and parameter change per episode: mean and range of the runs.
 
     random_rewards: of the uniform random policy; step_size_rate: the step size of each episode as a share of the
     first's; first, last, random: mean steps over the first and last `window` episodes, and of the random policy.

@@ -24,7 +24,7 @@ from homing_lib.surfaces import Image
 
 @styled
 def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
-    """Figure 1: the snapshot of home and the histogram of each of its channels (eq. 11)."""
+    """The paper's Fig. 1: the snapshot of home and the histogram of each of its channels (eq. 11)."""
     figure, (view, *channels) = panels(1.75, 4, width_ratios=[1.05, 1, 1, 1])
     picture(view, image, "view of home")
     bins = scaled_histogram.reshape(3, -1)
@@ -40,7 +40,7 @@ def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
 
 @styled
 def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room, settings: Settings) -> Figure:
-    """Figure 4: the room obliquely and straight from above, and what the robot sees from both ends of its path.
+    """The paper's Fig. 4: the room obliquely and from above, and what the robot sees from both ends of its path.
 
     In the plan, light: what the camera overlooks from home and from the start, up to the nearest thing or wall.
     """
@@ -69,7 +69,8 @@ def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room
 
 @styled
 def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure:
-    """Figure 5: paths over the floor plan. rows: titles; of each path a label and the positions, shape (T, 2)."""
+    """The paper's Fig. 5: paths over the floor plan. rows: titles; of each path a label and positions, shape (T, 2).
+    """
     columns = max(map(len, rows.values()))
     height = len(rows) * (TEXT_WIDTH / columns * room.size[1] / room.size[0] + 0.2)
     figure, grid = panels(height, columns, len(rows), layout="compressed")

@@ -203,7 +203,8 @@ def in_words(function: Any) -> str:
     """What a function draws: the first sentence of its docstring, without what that says of arguments."""
     (source,) = ast.parse(inspect.getsource(inspect.unwrap(function))).body  # `python -OO` has no docstrings
     docstring = ast.get_docstring(source) if isinstance(source, ast.FunctionDef) else ""
-    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", re.sub(r"^Figure \d+: ", "", docstring or ""))[0] + "."
+    drawn = re.sub(r"^The paper's Fig\. \d: ", "", docstring or "")
+    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", drawn)[0] + "."
 
 
 # --- Pages of our own ------------------------------------------------------------------------------------------------

@@ -44,7 +44,10 @@ class Drawn(NamedTuple):
     @property
     def function(self) -> Any:
         """What draws it."""
-        return next(inspect.unwrap(function) for _, function in self.calls() if draws(function))
+        for _, function in self.calls():
+            if draws(function):
+                return inspect.unwrap(function)
+        raise UserError(f"{self.notebook}: cell {self.cell}: no function that it calls is annotated `-> Figure`")
 
     @property
     def asked(self) -> list[str]:

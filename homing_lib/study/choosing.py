@@ -11,7 +11,7 @@ from typing import Any
 from homing_lib.settings import Settings
 from homing_lib.study.measures import totals
 from homing_lib.study.runs import Measure, Study, load_table
-from homing_lib.study.studies import CHOOSE, THEN, Later, labelled, rows
+from homing_lib.study.studies import FIRST, THEN, Later, labelled, rows
 
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
 """A factor of about 3 apart. In no room does any rule choose the first or the last."""
@@ -39,7 +39,7 @@ class Choice:
         *,
         measure: Measure = totals,
         keep: int = 2,
-        seeds: Sequence[int] = CHOOSE,
+        seeds: Sequence[int] = FIRST,
         then: Sequence[int] = THEN,
         needs: Sequence[Any] = (),
     ) -> None:

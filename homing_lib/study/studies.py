@@ -23,7 +23,7 @@ from homing_lib.study.runs import DATA, Measure, Study, load_table
 
 HEADLINE_SEEDS = range(1000, 1005)
 
-CHOOSE, THEN = range(20), range(20, 100)
+FIRST, THEN = range(20), range(20, 100)
 """For choices: all candidates drive with the first, the best of them with the others."""
 
 ROBOTS, ROOM_ROBOTS, CAMERA_ROBOTS = range(10_000, 11_500), range(10_000, 10_500), range(10_000, 10_050)
