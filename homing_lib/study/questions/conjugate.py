@@ -119,7 +119,7 @@ def conjugate(table: Any) -> Judged:
 
 @question(
     "C1",
-    "TD-conj is TD(lambda) with the lambda of eq. (7).",
+    "TD-conj, as the paper calls its learner, is TD(lambda) with the lambda of eq. (7).",
     """By construction, if with all weights updated no episode leaves the direction of conjugate gradient before its
     first reset of lambda; else contradicted.""",
     DIRECTIONS,

@@ -133,7 +133,7 @@ def for_each() -> Study:
 
 @question(
     "rooms",
-    "Does a varying lambda help in other rooms, and whoever the model was calibrated for?",
+    "Does a varying lambda help in other rooms, and whichever learner the model was calibrated for?",
     """In each of the six rooms, under the paper's update, as the question before (k = 8 in each room). The verdict
     counts the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's.
     Beside it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
