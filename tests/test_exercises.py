@@ -187,11 +187,11 @@ def test_the_candidate_is_judged_by_the_median_and_compared_with_the_mean():
     ("rule", "verdict", "what"),
     [
         (lambda *, delta, delta_prev, **_: 0.8 if delta * delta_prev >= 0 else 0.4, "proven", "fewer"),
-        (lambda **_: 0.8, "proven", "1.00 [1.00, 1.00] of that of λ = 0.8: the same."),
+        (lambda **_: 0.8, "proven", "1.00 [1.00, 1.00] times that of λ = 0.8: the same."),
         (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "behind", "more"),
     ],
 )
-def test_a_rule_that_loses_is_behind_and_a_tie_counts(rule, verdict, what):
+def test_a_rule_that_loses_is_behind_and_the_same_counts(rule, verdict, what):
     outcome = exercises.as_good_as_a_constant.judge(rule)
     assert outcome.verdict == verdict
     assert what in outcome.message

@@ -176,7 +176,7 @@ def recap(seen: theorem.Distance, raced: walk.Race, compared: rules.Rules, tried
         "more in total. The robot pays for those.",
         f"After ten episodes the robot that learns on takes {home['restored']:.0f} steps, frozen it takes "
         f"{home['frozen']:.0f}, learning from the initial weights {home['forgetful']:.0f}; the climb "
-        f"{home['climb']:.0f}, random actions {home['random']:.0f}. What it learnt is "
-        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance without the learning.",
+        f"{home['climb']:.0f}, random actions {home['random']:.0f}. Frozen, it is "
+        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance.",
     )
     return "\n\n".join(f"**{task}** · {line}" for task, line in enumerate(shown, start=1))
