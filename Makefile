@@ -148,7 +148,7 @@ test: .venv/.ready ## lint, types and the quick tests
 bench: .venv/.ready ## what learning reaches and costs, in one table
 	.venv/bin/python -m tests.bench
 
-compact: .venv/.ready ## write the atlas that comes along, homing_lib/compact.atlas, anew
+compact: .venv/.ready ## write the atlas that ships with the library, homing_lib/compact.atlas, anew
 	.venv/bin/python -m homing_lib.publish.compact
 
 lock: ## write environment.lock anew from pyproject.toml

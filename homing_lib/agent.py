@@ -43,7 +43,7 @@ class Learnt(NamedTuple):
 
 
 class Agent(Protocol):
-    """Whoever chooses the actions, and may learn. Pass `run` a function that makes one of settings and rng:
+    """Whoever chooses the actions, and may learn. Pass `run` a function that makes one from settings and rng:
 
         run(settings, seed, agent=lambda settings, rng: MyAgent(settings.n_features, rng))
 
@@ -269,11 +269,11 @@ def run(
 ) -> Run:
     """The whole experiment, fixed to the bit by settings and seed.
 
-    agent: makes another `Agent` than the settings' `controller`; the settings' learning (alpha0, lambda_rule, ...) is
-    then its own affair. lambda_rule: a function of one's own, or a name, in place of the settings' rule. Of neither
-    does the run keep a note. after_episode is called with 1, 2, ... for progress; afterwards with the world and the
-    trained agent, before both are gone (not if the run diverged). survey, episodes: what does the work, `survey` and
-    `run_episodes` or others that do the same (`study.engine`).
+    agent: makes another `Agent` than the settings' `controller`; whether it uses their alpha0, lambda_rule, ... is then
+    up to it. lambda_rule: a function of one's own, or a name, in place of the settings' rule. The run records neither.
+    after_episode is called with 1, 2, ..., for progress; afterwards with the world and the trained agent, before both
+    are gone (not if the run diverged). survey, episodes: the functions that do the work; `study.engine` passes compiled
+    ones.
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)

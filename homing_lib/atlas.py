@@ -12,7 +12,6 @@ import json
 import sys
 from contextlib import AbstractContextManager
 from functools import cache
-from importlib.metadata import distributions
 from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from homing_lib.features import Array
 from homing_lib.robot import INFRARED_ANGLES_DEG
 from homing_lib.rooms import PAPER, Pose, Room
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, write_bytes
+from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, version_of, write_bytes
 
 FOLDER = ROOT / ".build" / "atlas"
 _OUTSIDE_M = -0.1  # the clearance outside the lattice, which is outside the room
@@ -37,7 +36,7 @@ _opened: dict[Path, "Atlas"] = {}
 
 
 def camera_available() -> bool:
-    """Whether PyBullet can be loaded; it is, if so."""
+    """Whether PyBullet can be loaded; if it can, it is now."""
     try:
         import homing_lib.arena  # noqa: F401
     except UserError:
@@ -94,11 +93,7 @@ class Atlas:
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
-        return self.view(self.nearest(pose))
-
-    def view(self, number: int) -> Array:
-        """Scaled histograms of the lattice pose with this number, shape (3 B,)."""
-        view: Array = self.views[number].astype(np.float64)  # first, since dividing integers is slower
+        view: Array = self.views[self.nearest(pose)].astype(np.float64)  # first, since dividing integers is slower
         view /= self.pixels
         return view
 
@@ -152,11 +147,12 @@ def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, wo
 
 
 COMPACT = Path(__file__).with_name("compact.atlas")
-"""The paper's room on a coarse lattice, which comes along for machines without PyBullet (see `publish.compact`)."""
+"""The paper's room on a coarse lattice, which ships with the library, for machines without PyBullet (see
+`publish.compact`)."""
 
 
 def open_compact(room: Room, settings: Settings) -> Atlas:
-    """The atlas that comes along. Raises UserError if these settings or this room are not what it holds."""
+    """The atlas that ships with the library. Raises UserError if these settings or this room are not what it holds."""
     header, atlas = read_compact(COMPACT)
     held = {"room": PAPER.name, **header["settings"]}
     default = Settings().of_scope("lattice")  # asked for by nobody, unlike any other lattice
@@ -169,7 +165,7 @@ def open_compact(room: Room, settings: Settings) -> Atlas:
 
 @cache
 def read_compact(file: Path) -> tuple[dict[str, Any], Atlas]:
-    """The first line of such a file, and the atlas. Raises DamagedFile if it is not there, whole and of this room."""
+    """The first line of such a file, and the atlas. Raises DamagedFile unless it is there, whole and of this room."""
     try:
         line, _, content = gzip.decompress(read_bytes(file)).partition(b"\n")
         header, arrays, start = json.loads(line), {}, 0
@@ -197,7 +193,7 @@ def digest(room: Room, settings: Settings) -> str:
     parts = (
         settings.of_scope("view", "lattice"),
         (room, INFRARED_ANGLES_DEG, rendered_by, [_source(part) for part in made_by]),
-        [_version(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
+        [version_of(package) for package in ("pybullet", "opencv-python-headless", "numpy")],
     )
     return "-".join(map(hashed, parts))
 
@@ -205,11 +201,6 @@ def digest(room: Room, settings: Settings) -> str:
 def hashed(part: Any) -> str:
     """Eight hexadecimal digits of a hash over something's `repr`."""
     return hashlib.sha256(repr(part).encode()).hexdigest()[:8]
-
-
-@cache
-def _version(package: str) -> str:
-    return next((found.version for found in distributions(name=package)), "none")
 
 
 def read_stored(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] | None:

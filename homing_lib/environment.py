@@ -57,8 +57,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         phi_i = exp(-(h_i - v_i)^2 / (2 sigma_i^2))    (12)        NRB = sum of phi_i / n    (15)
 
     At the first `reset` the robot takes its snapshot and surveys the room by a random drive of `survey_steps`, from
-    which it has sigma^2 (9): `homing_lib.survey.survey`, with `survey_seed`. Environments of a process whose
-    settings differ in nothing that it depends on share it, and `model` hands one over.
+    which it has sigma^2 (9): `homing_lib.survey.survey`, with `survey_seed`. Environments of a process that agree in
+    all that it depends on share it; `model` passes one in.
 
     ## Transition dynamics
 
@@ -71,8 +71,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
         r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
 
-    less `wall_penalty` `at_wall` (V.A); psi_lower (19) is from `multiplier` - `band`. `step_cost` changes the first,
-    `approach_reward` drops the second part; `reward_scale` multiplies the whole. Home pays `terminal_bonus`, unscaled.
+    less `wall_penalty` where `at_wall` (V.A); psi_lower (19) is from `multiplier` - `band`. `step_cost` changes the
+    first, `approach_reward` drops the second part; `reward_scale` multiplies the whole. Home pays `terminal_bonus`,
+    unscaled.
 
     ## Starting state
 
@@ -130,10 +131,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     `settings` is a whole `Settings`; any further keyword is one of its fields (in `make_vec`, whose specification JSON
     can hold only so, `**settings.model_dump()`), e.g. `room="paper"`, `images="atlas"`
     (histograms from a lattice of poses, tens of thousands of steps a second; features only) or "compact"
-    (the same from a file that comes along, on a coarser lattice: nothing is rendered, PyBullet is not needed).
-    `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8, 480
-    pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are (without,
-    `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
+    (the same from a file that ships with the library, on a coarser lattice: nothing is rendered, PyBullet is not
+    needed). `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8,
+    480 pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are
+    (without, `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
@@ -189,7 +190,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             self.world = self._atlas = open_(self.room, settings)
         self.model = model
         try:
-            self.home = self.free("home", self.room.home if home is None else home)
+            self.home = self.fitting_pose("home", self.room.home if home is None else home)
             default = "uniform" if settings.start == "uniform" else self.room.start
             self.start = self.start_pose(default if start is None else start)
         except UserError:
@@ -249,7 +250,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
         self._require()
-        self._robot.place(self.free("place", pose))
+        self._robot.place(self.fitting_pose("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
@@ -323,10 +324,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     def start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         """A start as it is, once it is known to be free. Raises UserError."""
-        return "uniform" if isinstance(start, str) and start == "uniform" else self.free("start", start)
+        return "uniform" if isinstance(start, str) and start == "uniform" else self.fitting_pose("start", start)
 
-    def free(self, what: str, pose: Any) -> Pose:
-        """A pose of the robot, its heading wrapped. Raises UserError, which names `what`, if it does not fit there."""
+    def fitting_pose(self, what: str, pose: Any) -> Pose:
+        """The pose, heading wrapped, if the robot fits there. Raises UserError, which names `what`, if it does not."""
         try:
             x, y, heading = (float(value) for value in pose)
         except (TypeError, ValueError, OverflowError):

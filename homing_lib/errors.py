@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 from inspect import signature
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, SupportsFloat
 
 RESUMES = "what was finished is kept; the same command resumes from there"  # said of a command that was stopped
@@ -28,18 +28,26 @@ def nearest(name: Any, known: Iterable[str]) -> str:
     return "".join(f"; did you mean {like}?" for like in get_close_matches(str(name)[:60], list(known), 1))
 
 
+def _number(value: Any) -> float:
+    """The value as a float; NaN for what is no number, or too large for one."""
+    try:
+        return float(value) if isinstance(value, SupportsFloat) else nan
+    except (TypeError, ValueError, OverflowError):
+        return nan
+
+
 def finite(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it is finite."""
-    if not isinstance(value, SupportsFloat) or not isfinite(value):
+    if not isfinite(number := _number(value)):
         raise ValueError(f"{name} must be a finite number, got {shown(value)}")
-    return float(value)
+    return number
 
 
 def unit_interval(name: str, value: float) -> float:
     """The value as a float, or ValueError unless it lies in [0, 1]."""
-    if not isinstance(value, SupportsFloat) or not 0 <= value <= 1:
+    if not 0 <= (number := _number(value)) <= 1:
         raise ValueError(f"{name} must lie in [0, 1], got {shown(value)}")
-    return float(value)
+    return number
 
 
 def one_of(name: str, value: str, known: tuple[str, ...]) -> None:

@@ -98,8 +98,9 @@ class CountedViews:
 
         phi_i = values[start_i + |count_i - centre_i|]
 
-    Where one variance serves all bins, and differences of shares are exact, that of the counts decides: centre is the
-    snapshot, and all features share one table. Else each has a table of its own by its count, and centre is 0.
+    Where one variance serves all bins, and shares of the pixels are exact (their number is a power of two), a feature
+    depends on the difference of the counts alone: centre is the snapshot's count, and all features share one table.
+    Otherwise each has a table of its own, by its count, and centre is 0.
 
     most: largest count of each bin that can come, shape (3 B,); pixels: of a channel of the image.
     """

@@ -72,7 +72,7 @@ class Derived:
 
 
 def _derived(name: str, rule: LambdaRule, change: Callable[[float], float]) -> LambdaRule:
-    """List it under its name."""
+    """A rule whose ratio is another's, changed; listed under its name."""
     return register(name)(Derived(name, rule, change))
 
 
@@ -151,7 +151,7 @@ _derived("polak-ribiere:negated", polak_ribiere, neg)
 
 
 def _ratio(numerator: float, denominator: float) -> float:
-    """Their quotient as a plain float. ArithmeticError where there is none: x/0, or beyond the floating-point range."""
+    """The quotient as a plain float. ArithmeticError where there is none: x/0, or beyond the floating-point range."""
     ratio = float(numerator) / float(denominator)
     if not isfinite(ratio):
         raise OverflowError("the ratio is beyond the floating-point range")

@@ -121,18 +121,18 @@ _TRACKER = "ignore:resource_tracker"  # a process that inherits this, and remove
 
 
 def quieten() -> None:
-    """Leave unsaid, from here on in this process, how parallel work ended early, which has been said in one line
-    already, and that a worker was replaced, since the views that are kept there look like a leak.
+    """From here on, in this process, suppress two kinds of noise: how parallel work ended early, which was said in one
+    line already, and that a worker was replaced, since the atlases it keeps look like a leak.
     """
-    if getattr(threading.excepthook, "func", None) is not _unless_it_is_lokys:
-        threading.excepthook = partial(_unless_it_is_lokys, threading.excepthook)
+    if getattr(threading.excepthook, "func", None) is not _hook_without_loky:
+        threading.excepthook = partial(_hook_without_loky, threading.excepthook)
     early, replaced = "[0-9]+ tasks (have been successfully|which were still)", "A worker stopped while some jobs"
     warnings.filterwarnings("ignore", f"{early}|{replaced}", UserWarning)
     if _TRACKER not in sys.warnoptions:
         sys.warnoptions.append(_TRACKER)
 
 
-def _unless_it_is_lokys(before: Callable[[Any], object], what: Any) -> None:
-    """The thread that hands out tasks stumbles over those that were cancelled meanwhile."""
+def _hook_without_loky(before: Callable[[Any], object], what: Any) -> None:
+    """A thread's excepthook: passes on to `before` all but loky's KeyError over a task cancelled meanwhile."""
     if what.exc_type is not KeyError or "loky" not in type(what.thread).__module__:
         before(what)

@@ -53,7 +53,7 @@ def epsilon_greedy(values: Sequence[float], epsilon: float) -> list[float]:
 
 
 def action_probabilities(
-    values: Sequence[float], *, epsilon: float, temperature: float, mixture: Mixture = "normalised"
+    values: Sequence[float], *, epsilon: float, temperature: float, mixture: Mixture
 ) -> list[float]:
     """Eq. (22): the probability of every action.
 

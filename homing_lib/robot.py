@@ -1,6 +1,6 @@
 """The robot's body: exact arcs of a differential drive, the obstacle that stops them, and the reflex that follows.
 
-Where the robot is, is known to this module and to the records, never to the learner.
+Where the robot is, the world and the records know; the learner never does.
 """
 
 from collections.abc import Callable

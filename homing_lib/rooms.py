@@ -68,7 +68,7 @@ class Box(_Thing):
 
 @dataclass(frozen=True, config=_STRICT)
 class Cone(_Thing):
-    """Upright."""
+    """Stands on the floor, point upwards."""
 
     radius: _Positive
     height: _Positive
@@ -77,7 +77,7 @@ class Cone(_Thing):
 
 @dataclass(frozen=True, config=_STRICT)
 class Ball(_Thing):
-    """As high as it is wide."""
+    """Lies on the floor."""
 
     radius: _Positive
     texture: Texture
@@ -98,8 +98,8 @@ class Picture:
 class Room:
     """A rectangle from (0, 0) to `size` with walls east (+x), north (+y), west and south, and what stands in it.
 
-    home: where the snapshot is taken; start: where training episodes begin, and none of the home_objects, by their
-    names, is in sight. texture_seed: of all that is painted.
+    home: where the snapshot is taken; start: where episodes begin, with none of the home_objects (their names) in
+    sight. texture_seed: of all that is painted.
     """
 
     name: str

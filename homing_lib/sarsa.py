@@ -113,9 +113,9 @@ class LinearSarsa:
     ) -> None:
         if min(n_features, n_actions) < 1:
             raise ValueError(f"there must be at least 1 feature and 1 action, got {n_features} and {n_actions}")
-        self.traces, self.updates = traces, update or ("all" if traces == "dutch" else "taken")
+        self.traces, self.update_mode = traces, update or ("all" if traces == "dutch" else "taken")
         one_of("traces", self.traces, get_args(Traces))
-        one_of("update", self.updates, get_args(Update))
+        one_of("update", self.update_mode, get_args(Update))
         self.step_size = step_size
         self.discount = unit_interval("discount", discount)
         spec = lambda_spec(lambda_rule)
@@ -162,7 +162,7 @@ class LinearSarsa:
         return np.array(self.value_list(phi))
 
     def value_list(self, phi: ArrayLike | None, name: str = "phi") -> list[float]:
-        """The same as Python's own numbers, which for a few are quicker."""
+        """As `values`, but Python's own floats in a list, which is faster for a few actions."""
         x = self._features(name, phi)
         return [value_of(theta_a, x, name) for theta_a in self._theta_of]
 
@@ -195,7 +195,7 @@ class LinearSarsa:
         e_a = e[a_tm1]
         e_a += phi_tm1 if self.traces == "accumulating" else dutch(phi_tm1, e_a, alpha)
 
-        moves = a_tm1 if self.updates == "taken" else slice(None)  # whose weights
+        moves = a_tm1 if self.update_mode == "taken" else slice(None)  # whose weights
         change = alpha * delta * e[moves]  # (18)
         if self.traces == "dutch":  # the value grew by q_tm1 - q_ahead since the step before looked ahead to it
             change += alpha * (q_tm1 - self._q_ahead) * (e - phi_sa)[moves]
@@ -224,7 +224,9 @@ class LinearSarsa:
         return self.lambda_
 
     def _plain(self, ratio: Any, delta: float) -> float:
-        """The ratio as a float, or ValueError, in one line, if the rule returned no finite number."""
+        """The ratio as a float. ValueError, in one line, if it is no finite number; `on_zero` if the TD error is none
+        either.
+        """
         if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault

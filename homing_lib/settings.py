@@ -33,13 +33,13 @@ def _field(default: Any, about: str, printed: Any = None, scope: str = "", added
 _view = partial(_field, scope="view")  # what is seen, felt and touched at a pose depends on it
 _lattice = partial(_field, scope="lattice")  # where an atlas has its poses
 _survey = partial(_field, scope="survey")  # beyond these, what the robot knows of home before it learns
-_added = partial(_field, added=True)  # since runs were stored, which keep their names: left out where the default
+_added = partial(_field, added=True)  # added since runs were stored: its default is left out of dumps and digests
 
 
 class Settings(BaseModel):
     """The model, its world and how an experiment is run. `Settings()` is the default; `with_changes` derives others.
 
-    Values may be given as texts. Raises UserError, in one line, for an unknown field or a value out of range.
+    Values may be given as strings. Raises UserError, in one line, for an unknown field or a value out of range.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -119,7 +119,8 @@ class Settings(BaseModel):
     start: Literal["room", "uniform"] = _added("room", "Section IV: the room's; or drawn anew from all free poses")
     controller: Literal["sarsa", "random", "climb"] = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
     images: Literal["camera", "atlas", "compact"] = _survey(
-        "camera", "Declared: rendered at every step, looked up on a lattice, or on the coarser one that comes along"
+        "camera",
+        "Declared: rendered at every step, looked up on a lattice, or on the coarser one that ships with the library",
     )
     atlas_spacing_m: float = _lattice(0.02, "Declared: between neighbouring positions of the atlas", ge=0.005, le=0.1)
     atlas_heading_deg: int = _lattice(10, "Declared: between neighbouring headings of it, a divisor of 360", ge=1)
@@ -171,7 +172,7 @@ class Settings(BaseModel):
 
     @property
     def digest(self) -> str:
-        """A short name of these settings: twelve hexadecimal digits of a hash over all fields."""
+        """A short name of these settings: twelve hexadecimal digits of a hash over what `model_dump` has."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:12]
 
 

@@ -1,10 +1,12 @@
-"""Arrays and what they are about, in one file that is whole or not there: used for runs and for atlases."""
+"""Where the project's files stand, and files that are whole or not there: bytes, or arrays with what they are about."""
 
 import json
 import os
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.metadata import distributions
 from io import BytesIO
 from pathlib import Path
 from secrets import token_hex
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from homing_lib.errors import DamagedFile, UserError
 
-MARK = Path("data", "STUDIES.md")
+MARK = Path("data", "STUDIES.md")  # a folder that has it is a checkout
 _PLACES = (Path(__file__).parent.parent, Path.cwd(), *Path.cwd().parents)
 
 ROOT = next((folder for folder in _PLACES if (folder / MARK).exists()), Path.cwd())
@@ -42,7 +44,10 @@ def part_of(path: Path) -> Path:
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A path of the same suffix, renamed at the end to `path`, or to what that links to. Raises UserError."""
+    """Atomic write: yields a temporary path of the same suffix, then renames it to `path`, or to what that links to.
+
+    Raises UserError.
+    """
     part = None
     try:
         place = Path(os.path.realpath(path)) if path.is_symlink() else path
@@ -89,3 +94,9 @@ def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     except Exception as error:  # zipfile, its decompressors, NumPy and JSON raise what they like
         detail = (str(error) or type(error).__name__).splitlines()[0][:80]
         raise DamagedFile(f"{path}: damaged file ({detail})") from None
+
+
+@cache
+def version_of(package: str) -> str:
+    """Which version of a package is installed, or "none"."""
+    return next((found.version for found in distributions(name=package)), "none")

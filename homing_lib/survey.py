@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from math import radians
-from typing import Any
 
 import numpy as np
 
@@ -25,18 +24,17 @@ def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generato
 def survey(
     world: World, settings: Settings, home: Pose, rng: np.random.Generator, *, wander: Callable[..., Array] = wander
 ) -> HomeModel:
-    """What the robot does by itself before it learns: look at home, then drive about at random (section III.A-B, E9).
+    """Take the snapshots, wander, and estimate sigma^2 from all that was seen (section III.A-B, E9).
 
-    It takes the snapshots (the first facing home, further ones `snapshot_angle_deg` to either side), wanders, and
-    estimates sigma^2 from all that it saw.
+    The first snapshot faces home, further ones are turned by `snapshot_angle_deg` to either side.
     """
     angle = radians(settings.snapshot_angle_deg)
     turns = (0.0, angle, -angle)[: settings.snapshots]
     snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
     seen = wander(world, settings, home, rng)
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
-    how: dict[str, Any] = {"variance": settings.variance, "centre": settings.centre}
-    return HomeModel(snapshots, difference_variance(seen, snapshots, floor=floor, **how))
+    variance = difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
+    return HomeModel(snapshots, variance)
 
 
 def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:

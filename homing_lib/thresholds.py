@@ -12,7 +12,7 @@ class Thresholds(NamedTuple):
 
 
 def linear(multiplier: float) -> float:
-    """First printed form: 1 - (m pi)^(-1/2), the lower end of the interval with the multiple of pi inside the root."""
+    """First printed form: 1 - 1 / sqrt(m pi), the multiple of pi inside the root."""
     return 1 - 1 / sqrt(_positive(multiplier) * pi)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from homing_lib import thresholds
 from homing_lib.errors import UserError
 from homing_lib.settings import Settings
 from homing_lib.study import findings, runs, studies, sweep
@@ -101,6 +102,16 @@ def test_it_is_judged_anew_when_its_table_or_its_judge_changes_and_only_then(ask
     findings.judge_all()
     assert module.JUDGED == [12]
     assert findings.finding("flies").verdict == "no"
+
+
+def test_it_is_judged_anew_when_the_model_under_it_changes(asked, monkeypatch, tmp_path):
+    module = asked()
+    findings.judge_all()
+    changed = tmp_path / "thresholds.py"
+    changed.write_text("", encoding="utf-8")
+    monkeypatch.setattr(thresholds, "__file__", str(changed))
+    findings.judge_all()
+    assert module.JUDGED == [12, 12]
 
 
 def test_a_question_that_is_no_longer_asked_is_forgotten_and_a_new_one_is_not_judged_yet(asked):
@@ -241,7 +252,7 @@ def test_the_study_knows_its_questions_by_their_folder_alone():
 
 def test_the_tables_that_are_judged_are_of_studies_on_the_list():
     listed = {study.name for study in studies.in_order()}
-    assert {table.name for one in ASKED.values() for table in one.tables} <= listed
+    assert {table.name for one in ASKED.values() for table in one.made_studies} <= listed
 
 
 def test_the_rooms_where_worth_also_asks_with_another_step_size_are_those_where_another_was_chosen():

@@ -222,7 +222,7 @@ def test_a_fixed_lambda_does_not_follow_the_conjugate_direction(monkeypatch):
     monkeypatch.setattr(conjugate, "lambda_spec", lambda _: form_2._replace(rule=Fixed(0.5)))
     watched = conjugate.Watched("fletcher-reeves")
     run(COMPACT.with_changes(update="all", episodes=1), 2000, lambda_rule=watched)
-    assert not any(strict for strict, *_ in watched.asked)
+    assert not any(strict for strict, *_ in watched.follows)
 
 
 def test_stops_are_where_episodes_end_at_home_as_seen_from_home():

@@ -71,7 +71,7 @@ def test_the_printed_policy_is_the_one_worked_by_hand():
 @given(values=values, epsilon=epsilons, temperature=st.floats(1e-3, 1e3))
 def test_the_normalised_policy_is_the_mean_of_softmax_and_epsilon_greedy(values, epsilon, temperature):
     both = zip(softmax(scaled(values), temperature), epsilon_greedy(values, epsilon), strict=True)
-    p = action_probabilities(values, epsilon=epsilon, temperature=temperature)
+    p = action_probabilities(values, epsilon=epsilon, temperature=temperature, mixture="normalised")
     assert p == pytest.approx([(s + g) / 2 for s, g in both])
 
 

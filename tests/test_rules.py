@@ -105,7 +105,7 @@ def test_each_drives_with_the_step_size_that_was_best_on_seeds_that_do_not_judge
 
 
 def test_the_table_says_whether_other_step_sizes_might_be_better_and_when_none_matters(driven):
-    driven(lambda alpha0, seed, agent: 100 if agent is Forwards else 10 + 1000 * abs(alpha0 - (0.3 if agent else 0.2)))
+    driven(lambda alpha0, seed, agent: 101 if agent is Forwards else 10 + 1000 * abs(alpha0 - (0.3 if agent else 0.2)))
     agents = {"agent": RandomAgent, "indifferent": Forwards}
     table = str(rules.compare({"rule": Fixed(0)}, [7, 8], agents=agents, step_sizes=(0.1, 0.2, 0.3), choose=range(6)))
     assert [row.split(" | ")[:2] for row in table.splitlines()] == [
@@ -146,8 +146,8 @@ def test_what_is_said_of_the_late_episodes_is_said_of_the_typical_robot():
     assert found.verdicts["ours"].value == pytest.approx(160 / 10_070)
 
 
-@pytest.mark.parametrize(("chance", "lost"), [(None, []), (29.6, ["0", "1"]), (29.5, ["1", "1"]), (19, ["1", "4"])])
-def test_the_table_has_total_and_late_steps_as_multiples_of_the_first_and_who_ends_no_faster_than_chance(chance, lost):
+@pytest.mark.parametrize(("chance", "lost"), [(None, []), (29.6, ["0", "1"]), (29.5, ["0", "1"]), (19, ["1", "1"])])
+def test_the_table_has_total_and_late_steps_as_multiples_of_the_first_and_who_ends_slower_than_chance(chance, lost):
     first = np.array([[9.0, 10], [9, 10], [9, 10], [9, 50]])  # late: 9.5, thrice, and 29.5; the middle half is 9.5
     titles, _, *rows = str(rules.Rules({"a": first, "twice": 2 * first}, chance=chance)).splitlines()
     one, twice = ([cell.strip() for cell in row.strip("|").split("|")] for row in rows)

@@ -112,9 +112,9 @@ def test_the_printed_update_leaves_the_weights_of_the_other_actions_alone():
 
 
 def test_the_update_is_the_printed_one_by_default_and_the_exact_one_with_dutch_traces_and_for_q():
-    assert [make(traces=traces).updates for traces in ("accumulating", "dutch")] == ["taken", "all"]
-    assert make(traces="dutch", update="taken").updates == "taken"
-    assert make(LinearQ).updates == "all"
+    assert [make(traces=traces).update_mode for traces in ("accumulating", "dutch")] == ["taken", "all"]
+    assert make(traces="dutch", update="taken").update_mode == "taken"
+    assert make(LinearQ).update_mode == "all"
 
 
 # What holds for every learner

@@ -68,7 +68,7 @@ def test_a_new_file_is_found_without_a_list_elsewhere_whichever_is_imported_firs
         "import sys; from importlib import import_module; from homing_lib.study import findings, questions, studies\n"
         "questions.__path__.append(sys.argv[1])\n"
         "for name in sys.argv[:1:-1]: import_module(f'homing_lib.study.questions.{name}')\n"
-        "print(findings.questions()['flies'].tables[0].name, *(study.name for study in studies.in_order()))"
+        "print(findings.questions()['flies'].made_studies[0].name, *(study.name for study in studies.in_order()))"
     )
     names = [file.stem for file in studies.load_questions()]
     command = [sys.executable, "-c", program, str(tmp_path), *names]
@@ -126,7 +126,7 @@ def test_who_chooses_has_seeds_below_100_the_finalists_others_than_the_calibrati
     assert sorted(seeds) == list(range(100))
     for study in STUDIES:
         assert max(study.seeds) < 100 or min(study.seeds) >= 1000, study.name
-    judged = {table.name for question in findings.questions().values() for table in question.tables}
+    judged = {table.name for question in findings.questions().values() for table in question.made_studies}
     assert [study.name for study in STUDIES if study.name in judged and min(study.seeds) < 1000] == []
 
 

@@ -1,4 +1,4 @@
-"""Write homing_lib/compact.atlas, the atlas that comes along: `python -m homing_lib.publish.compact`.
+"""Write homing_lib/compact.atlas, the atlas that ships with the library: `python -m homing_lib.publish.compact`.
 
 A gzip stream: one line of JSON, then its `arrays`, [name, type, shape], without gaps, the last index running fastest;
 <f8 is a little-endian float of eight bytes, u1 a byte. `clearance_m[i, j]`: at (x0 + i spacing, y0 + j spacing); the

@@ -1,4 +1,4 @@
-"""What may be said about few robots: an estimate, its 95 % interval, and the word that the interval allows.
+"""What robots allow one to say: an estimate, its 95 % interval, and the word that the interval allows.
 
 The robot is the unit: its episodes depend on each other, its seed on nothing. Intervals are percentile intervals of the
 bootstrap, which draws robots; a robot brings all that its seed has done. Where k comparisons are judged together, each
@@ -22,7 +22,7 @@ SAME = 1.1
 
 SAME_SHARE = 0.02  # and shares that differ by no more than this
 
-normal = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
+normal_quantile = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
 
 Word = Literal["the same", "fewer", "more", "undecided"]
 Statistic = Callable[[Array, Array], Array]
@@ -100,7 +100,10 @@ def ratio(ours: ArrayLike, theirs: ArrayLike, statistic: Statistic = mean, compa
 
 
 def pooled(pairs: list[tuple[Array, Array]]) -> Interval:
-    """Geometric mean of ratios of means, of a room each: of other robots in these rooms, not of other rooms."""
+    """Geometric mean of the rooms' ratios of means. Its interval is for other robots in these rooms, not other rooms.
+
+    pairs: of each room ours and theirs, one number per robot, the same seeds in order.
+    """
 
     def estimate(counts: Array) -> Array:
         return np.exp(np.mean([np.log(mean(ours, counts) / mean(theirs, counts)) for ours, theirs in pairs], axis=0))
@@ -118,12 +121,12 @@ def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), eq
 
 
 def detectable(error: float, comparisons: int = 1) -> float:
-    """The smallest difference that intervals leave out in 80 of 100 studies, by its standard error."""
-    return (normal(1 - 0.025 / comparisons) + normal(0.8)) * error
+    """The smallest true difference that intervals tell from none in 80 of 100 studies. error: its standard error."""
+    return (normal_quantile(1 - 0.025 / comparisons) + normal_quantile(0.8)) * error
 
 
 def smallest_ratio(ours: Array, theirs: Array, robots: int, comparisons: int = 1) -> float:
-    """The smallest ratio of means that so many robots would detect, by how other robots differ.
+    """The smallest ratio of means that so many robots would detect, judged by the spread of others.
 
     ours, theirs: steps of those others, one per robot, seeds in order. comparisons: as in `bootstrap`.
     """

@@ -16,7 +16,8 @@ from homing_lib.study.compiled_world import KEPT, Body, World, act, clearance, c
 LARGEST = float(np.finfo(float).max)  # as in `policy`
 
 DONE, DIVERGED, REPEAT = range(3)
-"""How `episodes` ends: all were driven; the weights left the finite numbers; Python has to say what is wrong."""
+"""How `episodes` ends: all that surely fits was driven; the weights left the finite numbers; Python has to say
+what is wrong."""
 
 POLICY, GREEDY, RANDOM, CLIMB, GUIDED = range(5)  # who chooses: eq. (22), its best action, agents that do not learn
 MIXTURES = ("epsilon-greedy", "normalised", "literal")

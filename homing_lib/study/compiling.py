@@ -1,4 +1,4 @@
-"""Numba, where it is: it loads the compiled code of `compiled`, and compiles lambda rules for it to call.
+"""Loads the compiled code of `compiled`, where numba is installed, and compiles lambda rules for it to call.
 
 What numba has compiled is kept in a folder of the checkout, else in one of the user's, under the hash of the code,
 since numba itself goes by the age of a file. A rule is compiled anew in each process, in a third of a second.

@@ -51,7 +51,7 @@ def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **
 
 
 def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
-    """The same. Raises ForPython where it cannot be compiled."""
+    """`agent.run`, compiled. Raises ForPython where it cannot be."""
     if settings.images == "camera" or load() is None:
         raise ForPython
     return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
@@ -66,14 +66,14 @@ def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> 
 
 
 def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
-    """The same. Raises ForPython, and leaves everything as it was, where it cannot be compiled."""
+    """`agent.run_episode`, compiled. Raises ForPython, and leaves everything as it was, where it cannot be."""
     if load() is None or type(env) is not HomingEnv or not isinstance(env.world, Atlas) or env.closed:
         raise ForPython
     if options and {*options} != {"start"}:
         raise ForPython
     env.surveyed(_survey)
     start = env.start_pose(options["start"]) if options else env.start
-    steps, _, reached, _ = _driven(env, agent, [_rates(agent)], start)
+    steps, _, reached, _ = _drive_or_restore(env, agent, [_rates(agent)], start)
     return steps, bool(reached[0])
 
 
@@ -119,7 +119,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     """`agent.run_episodes`."""
     sarsa = _sarsa(agent) if type(agent) in _LEARN else None
     schedule = [sarsa.rates(number) if sarsa else _rates(agent) for number in range(1, count + 1)]
-    steps, lengths, reached, diverged = _driven(env, agent, schedule, env.start)
+    steps, lengths, reached, diverged = _drive_or_restore(env, agent, schedule, env.start)
     if sarsa:
         sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature = schedule[(diverged or count) - 1]
     for number in range(1, len(lengths) + 1):
@@ -127,10 +127,8 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     return steps, lengths, reached, diverged
 
 
-def _driven(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
-    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". Raises ForPython, and leaves
-    everything as it was.
-    """
+def _drive_or_restore(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
+    """`_drive`; if it raises ForPython, generators and arrays are put back first."""
     before = _state(env, agent)
     try:
         return _drive(env, agent, schedule, start)
@@ -152,6 +150,7 @@ def _state(env: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
 
 
 def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
+    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". Raises ForPython."""
     compiled, s, count = load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
     atlas: Any = env.world
@@ -181,15 +180,15 @@ def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episo
 
 # --- What the compiled code is given ----------------------------------------------------------------------------------
 
-_LATTICES: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
+_GIVEN: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
 
 
 def _world(atlas: Atlas, views: Any = None) -> Any:
     compiled = load()
-    if atlas not in _LATTICES:
+    if atlas not in _GIVEN:
         lattice = atlas.lattice
         infrared = atlas.infrared_m.reshape(len(atlas.views), -1)
-        _LATTICES[atlas] = {
+        _GIVEN[atlas] = {
             "views": np.require(atlas.views, np.result_type(atlas.views, np.uint16), ("C", "W")),
             "front_m": infrared[:, FRONT_SENSORS].min(axis=1),
             "position": np.require(atlas.position, np.int64, ("C", "W")),
@@ -202,7 +201,7 @@ def _world(atlas: Atlas, views: Any = None) -> Any:
             "headings": int(lattice.headings),
         }
     start, centre = (getattr(views, name, _NONE).astype(np.int32) for name in ("start", "centre"))
-    return compiled.World(**_LATTICES[atlas], values=getattr(views, "values", _NONE), start=start, centre=centre)
+    return compiled.World(**_GIVEN[atlas], values=getattr(views, "values", _NONE), start=start, centre=centre)
 
 
 def _body(world: Any, settings: Settings, home: Pose) -> Any:
@@ -276,7 +275,7 @@ def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.rand
         on_zero=float(learner.on_zero),
         rule_is_ours=rule.is_ours,
         overwrites=rule.overwrites,
-        all_weights=learner.updates == "all",
+        all_weights=learner.update_mode == "all",
         bootstraps=bool(learner.bootstrap_terminal),
         learns_at_walls=sarsa.settings.learn_at_walls,
     )

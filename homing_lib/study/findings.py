@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from homing_lib import features, policy, robot, rooms, settings, thresholds
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
-from homing_lib.study import bootstrap, choosing, measures, studies
+from homing_lib.study import bootstrap, choosing, measures, runs, studies
 from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 from homing_lib.study.studies import load_questions
@@ -67,7 +68,7 @@ class Comparison(NamedTuple):
         is_ratio = 0 < self.low < 1 < self.high  # else a difference, from 0 or from another limit
         low, high = np.log((self.low, self.high)) if is_ratio else (self.low, self.high)
         together = max(self.judged, 1)
-        error = (high - low) / 2 / bootstrap.normal(1 - 0.025 / together)
+        error = (high - low) / 2 / bootstrap.normal_quantile(1 - 0.025 / together)
         least = bootstrap.detectable(error, together)
         return ("ratio", float(np.exp(least))) if is_ratio else ("difference", float(least))
 
@@ -139,6 +140,11 @@ def verdict_of(
     return verdicts[0] if words <= {*supporting} else verdicts[2]
 
 
+def by_construction(holds: bool) -> str:
+    """The verdict on what is arithmetic."""
+    return "by construction" if holds else "contradicted"
+
+
 Judged = tuple[str, Mapping[str, Comparison]]
 
 
@@ -158,8 +164,8 @@ class Question(NamedTuple):
         return self.name[0] == "C" and self.name[1:].isdecimal()
 
     @property
-    def tables(self) -> list[Study]:
-        """The studies that its judge takes the tables of."""
+    def made_studies(self) -> list[Study]:
+        """Its studies, also those that depend on tables of others."""
         return [_made(one) for one in self.studies]
 
 
@@ -240,17 +246,19 @@ def as_text(found: Finding) -> str:
 def judge(name: str) -> Finding:
     """Judge anew, from the stored tables. Raises UserError if they are not sound."""
     asked = questions()[name]
-    verdict, comparisons = asked.judge(*map(load_table, asked.tables))
+    verdict, comparisons = asked.judge(*map(load_table, asked.made_studies))
     return Finding(name, verdict, dict(comparisons))
 
 
 def _made_from(asked: Question) -> str:
-    """A hash of what a finding depends on: its tables and those that chose for it, all judges, and what judges use."""
-    found = hashlib.sha256(fingerprint(_with_choices(asked.studies).values()).encode())
-    names = (__name__, asked.judge.__module__, *(one.__name__ for one in (bootstrap, choosing, measures, studies)))
-    for file in (*load_questions(), *(Path(str(sys.modules[name].__file__)) for name in names)):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+    """A hash of all that a finding depends on: its tables, those that chose for it, all judges, and what they use."""
+    used = (bootstrap, choosing, features, measures, policy, robot, rooms, runs, settings, studies, thresholds)
+    names = (__name__, asked.judge.__module__, *(one.__name__ for one in used))
+    files = [*load_questions(), *(Path(str(sys.modules[name].__file__)) for name in names)]
+    content = hashlib.sha256(fingerprint(_with_choices(asked.studies).values()).encode())
+    for file in (*files, Path(rooms.__file__).with_suffix(".toml")):
+        content.update(file.read_bytes())
+    return content.hexdigest()[:16]
 
 
 def _with_choices(some: Iterable[Any]) -> dict[str, Study]:
@@ -296,38 +304,38 @@ def _checksum(entry: Mapping[str, Any]) -> str:
 
 def _stored() -> dict[str, Any]:
     try:
-        found = json.loads(read_bytes(FILE))
-        for entry in found.values():
+        entries = json.loads(read_bytes(FILE))
+        for entry in entries.values():
             if entry["checksum"] != _checksum(entry):
                 raise ValueError("its content is not what was found")
     except FileNotFoundError:
         return {}
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise DamagedFile(f"{FILE}: damaged file ({error}); delete it, and `make data` judges anew") from None
-    return dict(found)
+    return dict(entries)
 
 
 @cache
 def stored() -> dict[str, Finding]:
     """All that was found, by name. Raises UserError if it is not stored, or damaged."""
-    found = _stored()
-    if not found:
+    entries = _stored()
+    if not entries:
         raise missing(FILE, "missing; `make data` judges")
     return {
         name: Finding(name, entry["verdict"], {key: Comparison(*one) for key, one in entry["comparisons"].items()})
-        for name, entry in found.items()
+        for name, entry in entries.items()
         if name in questions()
     }
 
 
 def finding(name: str) -> Finding:
     """What was found about a question or claim. Raises UserError for a name that there is not, or is not judged."""
-    found = stored()
-    if name in found:
-        return found[name]
+    known = stored()
+    if name in known:
+        return known[name]
     if name in questions():
         raise UserError(f"{name}: not judged yet; `make data` judges")
-    raise UserError(f"{shown(name)}: no such question or claim; there are {', '.join(found)}{nearest(name, found)}")
+    raise UserError(f"{shown(name)}: no such question or claim; there are {', '.join(known)}{nearest(name, known)}")
 
 
 def verdicts() -> dict[str, str]:

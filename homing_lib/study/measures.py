@@ -109,16 +109,16 @@ def shortest(settings: Settings, seed: int) -> Columns:
     return rows_after(surveyed, seed, ("steps",), lambda env, agent: [(fewest_steps(env),)])
 
 
-def fewest_steps(env: HomingEnv, start: Pose | None = None) -> float:
-    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
+def fewest_steps(env: HomingEnv) -> float:
+    """The least number of steps from the room's start to a view that ends an episode.
 
-    Breadth-first search over poses, those in one cell of 2 cm and 10 degrees taken for the same: the least, up to what
-    the cells hide. Moves that a wall stops are left out.
+    Breadth-first search over poses, of which two in the same cell of 2 cm and 10 degrees count as one, so that the
+    least is approximate. Moves that a wall stops are left out.
     """
     s, model = env.settings, env.model
     assert model is not None
     upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [start or env.room.start], set()
+    frontier, seen = [env.room.start], set()
     for steps in range(1, s.max_steps + 1):
         reached = []
         for pose, (left, right) in product(frontier, s.wheel_commands_m):

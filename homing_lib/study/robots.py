@@ -65,8 +65,8 @@ class ClimbGuidedAgent(ClimbingAgent):
 
 
 def driver(kind: str, agent: SarsaAgent, settings: Settings, weights: Array, rng: np.random.Generator) -> Any:
-    """Who drives in trials after a training. weights: shape (3, n), which it begins with; rng: its own randomness; its
-    rates are those of the episode that comes next.
+    """Who drives in trials after a training: `agent` itself, or one made from it. The agent is changed: it gets these
+    weights, shape (3, n), this generator, and the rates of the episode that comes next.
 
     kind: "learning on"; "restored", learning, each trial from these weights ("forgetful", if those are the initial
     ones); "frozen", not learning ("untrained", likewise); "greedy", nor exploring; "climbing", frozen and guided by the

@@ -24,7 +24,7 @@ from homing_lib.study.findings import Comparison, compare_to_first
 from homing_lib.study.measures import CUT, WINDOW
 from homing_lib.study.runs import episode_matrix, seeds_of
 
-CHOOSE = range(100)
+CHOOSING_SEEDS = range(100)
 """The seeds on which step sizes are chosen: all of them on the first fifth, the best two on the others."""
 
 THOUSAND, HUNDRED = range(10_000, 11_000), range(10_000, 10_100)
@@ -76,7 +76,7 @@ class Rules:
 
     @cached_property
     def late(self) -> dict[str, Comparison]:
-        """The same of the last episodes, for the typical robot."""
+        """Late steps of the typical robot as a multiple of the first's, seed by seed, with what that says."""
         return compare_to_first({label: _late(steps) for label, steps in self.steps.items()}, iqm)
 
     def of_first(self, count: int) -> "Rules":
@@ -92,7 +92,7 @@ class Rules:
             late = _late(steps)
             total = f"{_total(steps).mean():,.0f}", *_against(self.verdicts, label)
             typical = f"{float(iqm(late)[0]):.1f}", *_against(self.late, label)
-            lost = "" if self.chance is None else str((late >= self.chance).sum())
+            lost = "" if self.chance is None else str((late > self.chance).sum())
             rows.append([label, self._chosen(label), *total, *typical, lost])
         known = [(title, "---", *cells) for title, *cells in zip(*rows, strict=True) if any(cells)]
         return "\n".join(f"| {' | '.join(row)} |" for row in zip(*known, strict=True))
@@ -125,7 +125,7 @@ _TOO_FEW = "one robot says nothing of how robots differ; give two or more"
 
 @cache
 def steps_at_random(settings: Settings) -> float:
-    """Steps of an episode of random actions, the mean of ten robots: who ends with as many, or diverged, is lost."""
+    """Steps of an episode of random actions, the mean of ten robots: who ends with more, or diverged, is lost."""
     drawn = settings.with_changes(controller="random")
     return float(np.mean([episode_matrix([run(drawn, seed)]) for seed in range(10)]))
 
@@ -137,7 +137,7 @@ def compare(
     *,
     agents: Mapping[str, AgentFactory] | None = None,
     step_sizes: Sequence[float] = (),
-    choose: Sequence[int] = CHOOSE,
+    choose: Sequence[int] = CHOOSING_SEEDS,
 ) -> Rules:
     """Run every rule with every seed, and other learners.
 
@@ -220,7 +220,7 @@ def _sizes(step_sizes: Any) -> tuple[float, ...]:
 
 
 def _makes_agent(makes: Any) -> AgentFactory:
-    """The same. TypeError for what cannot be called with settings and a random generator."""
+    """What makes an agent, or TypeError if it cannot be called with settings and a random generator."""
     if wrong := misfit(makes, "settings", "rng"):
         raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
     return makes

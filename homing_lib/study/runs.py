@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from operator import index
 from pathlib import Path
@@ -24,7 +23,7 @@ from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes
+from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, version_of
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
@@ -271,7 +270,7 @@ def episode_matrix(runs: Sequence[Run], column: str | None = None) -> Array:
 
 
 def episodes_of(table: Any, condition: str, column: str = "steps") -> Array:
-    """The same of a study's table: shape (runs, episodes), seeds in order."""
+    """Numbers of each episode from a study's table, shape (runs, episodes), seeds in order."""
     rows = table[table.condition == condition].sort_values(["seed", "episode"])
     values = rows[column].to_numpy(np.float64).reshape(rows.seed.nunique(), -1)
     return np.where(np.isnan(values), Settings().max_steps, values) if column == "steps" else values
@@ -288,13 +287,7 @@ def source_hash(house: Path) -> str:
     return source.hexdigest()[:12]
 
 
-def _version(package: str) -> str:
-    with suppress(PackageNotFoundError):
-        return version(package)
-    return "none"
-
-
-MADE_BY = {package: _version(package) for package in ("numpy", "opencv-python-headless", "pybullet")}
+MADE_BY = {package: version_of(package) for package in ("numpy", "opencv-python-headless", "pybullet")}
 MADE_BY |= {"python": platform.python_version(), "homing_lib": source_hash(Path(homing_lib.__file__).parent)}
 """Versions of what makes a run. Taken when the library is imported: its files may have changed when the run ends."""
 

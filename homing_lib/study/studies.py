@@ -93,7 +93,7 @@ def rows(table: Any, like: Settings | None = None, **values: Any) -> Any:
 
 
 def column(table: Any, name: str, **values: Any) -> Array:
-    """A column of those rows, one number per robot."""
+    """A column of those `rows`, one number per robot."""
     return np.asarray(rows(table, **values)[name].to_numpy(float))
 
 
@@ -159,16 +159,21 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
 }
 
 
-def _candidates(count: int = 160) -> dict[str, Settings]:
-    """Settings drawn at random from the choices above, by label."""
+def exploration(drawn: str | float) -> dict[str, Any]:
+    """Settings of an exploration by its name; a number is the temperature of the normalised mixture."""
+    mixture, tau0 = (drawn, 0.03) if isinstance(drawn, str) else ("normalised", drawn)
+    return {"mixture": mixture, "tau0": tau0}
+
+
+def _candidates() -> dict[str, Settings]:
+    """160 settings, drawn at random from the choices above, by label."""
     rng = np.random.default_rng(0)
     drawn: dict[str, Settings] = {}
-    while len(drawn) < count:
+    while len(drawn) < 160:
         values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
         label = " ".join(str(value) for value in values.values())
-        exploration = values.pop("exploration")
-        mixture, tau0 = (exploration, 0.03) if isinstance(exploration, str) else ("normalised", exploration)
-        drawn[label] = _ATLAS.with_changes(mixture=mixture, tau0=tau0, **values)
+        exploring = exploration(values.pop("exploration"))
+        drawn[label] = _ATLAS.with_changes(**exploring, **values)
     return drawn
 
 
@@ -211,7 +216,7 @@ def finalists() -> Study:
 
 
 def load_questions() -> list[Path]:
-    """Import all files of `questions/`, whose studies and judges are then listed; the files."""
+    """Import every file of `questions/`, which lists its studies and judges; return the files."""
     found = sorted(iter_modules(questions.__path__), key=lambda one: one.name)
     modules = [import_module(f"{questions.__name__}.{one.name}") for one in found]
     return [Path(str(module.__file__)) for module in modules]
@@ -229,7 +234,7 @@ PAGE = DATA / "STUDIES.md"  # all studies on one page
 
 
 def page() -> str:
-    """That page, in Markdown: of each study the reason, the seeds, what is kept, and the settings of its conditions."""
+    """All studies on one page of Markdown: reason, seeds, what is kept of a run, and settings of each condition."""
     parts = [
         "# The studies",
         "Written by `make data` from [`homing_lib/study/studies.py`](../homing_lib/study/studies.py) and the files in "

@@ -70,8 +70,9 @@ def _require_known(names: Sequence[str]) -> None:
 def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
     """Compute what is missing of a study, and store it. Returns how many runs were computed.
 
-    workers, cluster: see `parallel.results`; force: though all is stored, whatever is not in `runs.SCRATCH`. Raises
-    UserError if a stored file is damaged or cannot be written, or if workers are lost.
+    workers, cluster: see `parallel.results`; force: even if all is stored; of what was measured, blocks in
+    `runs.SCRATCH` are still used. Raises UserError if a stored file is damaged or cannot be written, or if workers are
+    lost.
     """
     for folder in (study.folder, runs.DATA):
         runs.remove_leftovers(folder)

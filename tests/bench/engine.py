@@ -23,7 +23,7 @@ ROBOTS = range(1000)
 def seconds(settings: Settings) -> float:
     """Processor time of a run, mean of all; no survey is known beforehand."""
     environment._SURVEYS.clear()
-    conditions = [settings.with_changes(lambda_rule=rule) for rule in varying.IN_ROOMS]
+    conditions = [settings.with_changes(lambda_rule=rule) for rule in varying.RULES_IN_ROOMS]
     start = process_time()
     for seed in SEEDS:
         for condition in conditions:

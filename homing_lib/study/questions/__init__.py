@@ -1,1 +1,1 @@
-"""One file per question, in this order: the question, its studies, its predicate, its judge. `findings` finds them."""
+"""One file per question: the question, its studies, its predicate, its judge. `studies.load_questions` imports all."""

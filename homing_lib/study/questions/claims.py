@@ -16,6 +16,7 @@ from homing_lib.study.runs import Columns, episode_matrix, episodes_of
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, column, study
 
 _ATLAS = Settings(images="atlas")
+_THIRD = 4.167e-4  # of the default step size
 
 PARTS = study(
     "claims-parts",
@@ -28,7 +29,7 @@ PARTS = study(
         "no wall penalty": _ATLAS.with_changes(wall_penalty=0.0),
         "no learning at walls": _ATLAS.with_changes(learn_at_walls=False),
         "three snapshots": _ATLAS.with_changes(snapshots=3),
-        "three snapshots, a third of the step": _ATLAS.with_changes(snapshots=3, alpha0=4.167e-4),
+        "three snapshots, a third of the step": _ATLAS.with_changes(snapshots=3, alpha0=_THIRD),
     },
     ROOM_ROBOTS,
     totals,
@@ -60,7 +61,7 @@ EARLIER = study(
     {
         "this model": _ATLAS.with_changes(episodes=300),
         "earlier": _EARLIER,
-        "earlier, a third of the step": _EARLIER.with_changes(alpha0=4.167e-4),
+        "earlier, a third of the step": _EARLIER.with_changes(alpha0=_THIRD),
     },
     ROBOTS[:100],
     curve,

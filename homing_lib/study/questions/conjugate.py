@@ -9,7 +9,7 @@ from homing_lib.features import Array
 from homing_lib.lambdas import lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, compare_to_limit, estimate, question, side_of
+from homing_lib.study.findings import Comparison, Judged, by_construction, compare_to_limit, estimate, question, side_of
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import CAMERA_ROBOTS, labelled, rows, study
 from homing_lib.study.theorem import beta
@@ -21,15 +21,16 @@ AGREES = 1e-9
 class Watched:
     """A lambda rule that computes beside its own what conjugate gradient would do at the same steps.
 
-    asked: for every step but an episode's first, whether the update of all actions' weights, and of those of the action
-    taken alone, points where conjugate gradient does since the episode's first step, and since its last restart,
-    which is where lambda was reset to 0. A step's delta phi is the descent direction g; p = g + beta p_prev.
+    follows: of every step but an episode's first, four answers: does the update point where conjugate gradient does, if
+    that was begun at the episode's first step (all actions' weights; those of the action taken alone), and if at the
+    last restart, where lambda was reset to 0 (likewise)? A step's delta phi is the descent direction g;
+    p = g + beta p_prev.
     """
 
     def __init__(self, name: str) -> None:
         self._form, self._rule = lambda_spec(name).name, lambda_spec(name).rule
         self._phi: Array = np.empty(0)
-        self.asked: list[tuple[bool, ...]] = []
+        self.follows: list[tuple[bool, ...]] = []
 
     def __call__(
         self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
@@ -47,7 +48,7 @@ class Watched:
         form: Any = self._form
         self._strict = g + beta(form, g, g_prev, self._strict) * self._strict
         self._restarted = g if ratio < 0 else g + beta(form, g, g_prev, self._restarted) * self._restarted
-        self.asked.append(
+        self.follows.append(
             tuple(_agree(done.ravel(), wanted) for wanted in (self._strict, self._restarted) for done in (every, taken))
         )
         return ratio
@@ -68,12 +69,12 @@ def directions(settings: Settings, seed: int) -> Columns:
     watched = Watched(settings.lambda_rule)
     result = run(settings, seed, lambda_rule=watched)
     which = 0 if settings.update == "all" else 1
-    asked, table = iter(watched.asked), []
+    follows, table = iter(watched.follows), []
     # A rule that is undefined somewhere would be out of step with the episodes.
-    assert result.diverged or len(watched.asked) == (result.lengths - 1).sum()
+    assert result.diverged or len(watched.follows) == (result.lengths - 1).sum()
     for length, end in zip(result.lengths, result.ended, strict=True):
         reset, value = (result.column(name)[end - length : end] for name in ("clipped", "lambda"))
-        later = ((one[which], one[2 + which]) for one in islice(asked, int(length) - 1))
+        later = ((one[which], one[2 + which]) for one in islice(follows, int(length) - 1))
         strict, restarted = np.array([(True, True), *later]).T
         until = np.logical_and.accumulate(strict).sum()
         unclipped = (~np.logical_or.accumulate(reset > 0)).sum()
@@ -126,4 +127,4 @@ def conjugate(table: Any) -> Judged:
 )
 def equivalence(table: Any) -> Judged:
     every = rows(table, update="all")
-    return "by construction" if (every.until >= every.unclipped).all() else "contradicted", {}
+    return by_construction((every.until >= every.unclipped).all()), {}

@@ -1,5 +1,4 @@
-"""What drives the learning: the reward, the start value, what home is worth; the policy learnt, or the learning under
-way?
+"""What drives the learning: reward, start value, what home is worth? And is it the policy learnt, or learning itself?
 
 A robot that has learnt is tried in several ways, from the room's start and with its own exploration. *Restored*: it
 goes on learning, but each trial begins with the saved weights. *Frozen*: the same weights, no learning. *Forgetful*: it
@@ -153,7 +152,7 @@ def other_rules() -> Study:
     )
 
 
-WORTH = round(Settings().n_features * stopping_thresholds(Settings().multiplier).upper, 1)
+HOME_VALUE = round(Settings().n_features * stopping_thresholds(Settings().multiplier).upper, 1)
 """n psi_upper: what the view that ends an episode is worth at theta_0 = 1, and so the bonus in place of a bootstrap."""
 
 START: dict[str, dict[str, Any]] = {
@@ -162,10 +161,10 @@ START: dict[str, dict[str, Any]] = {
     "reward negated": {"reward_scale": -1.0},
     "constant cost": {"step_cost": "constant", "approach_reward": False},
     "home masked": {"bootstrap_terminal": False},
-    "home masked but a bonus": {"bootstrap_terminal": False, "terminal_bonus": WORTH},
+    "home masked but a bonus": {"bootstrap_terminal": False, "terminal_bonus": HOME_VALUE},
     "start value a tenth": {"theta0": 0.1},
     "start value 0": {"theta0": 0.0},
-    "start value 0 but a bonus": {"theta0": 0.0, "bootstrap_terminal": False, "terminal_bonus": WORTH},
+    "start value 0 but a bonus": {"theta0": 0.0, "bootstrap_terminal": False, "terminal_bonus": HOME_VALUE},
 }
 """Reward, start value and what home is worth. With theta_0 = 1 the value of an action is at first n times the
 similarity of the view: potential-based shaping (Ng, Harada and Russell, ICML 1999; as a start value, Wiewiora, JAIR 19,
@@ -181,7 +180,7 @@ BY_START = study(
 
 
 NEVER_HOME = {"steps": CAPS[-1], "median": CAPS[-1], "start_steps": CAPS[-1], "cut": CAPS[0]}
-"""What a robot that diverged has in its trials; where nothing is said, 0."""
+"""What counts for a robot that diverged, in its trials; in any other column 0."""
 
 
 def outcomes(table: Any, name: str, kind: str, kinds: Sequence[str] = KINDS, **values: Any) -> Array:

@@ -13,7 +13,16 @@ from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap
 from homing_lib.study.engine import run
-from homing_lib.study.findings import Comparison, Judged, compare_to_limit, estimate, exact, question, side_of
+from homing_lib.study.findings import (
+    Comparison,
+    Judged,
+    by_construction,
+    compare_to_limit,
+    estimate,
+    exact,
+    question,
+    side_of,
+)
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import CAMERA_ROBOTS, ROOM_ROBOTS, ROOMS, labelled, rows, study
 from homing_lib.survey import free_pose, survey
@@ -78,7 +87,7 @@ def rules_of_stopping(settings: Settings, seed: int) -> Columns:
             away = np.hypot(pose.x - home.x, pose.y - home.y)
             turned = np.degrees(wrapped(pose.heading - home.heading))
             seen.append((kind, away, turned, similarity(one.features(view)), similarity(three.features(view)), raw))
-    return dict(zip(("kind", "away_m", "turned_deg", *RULES), np.array(seen, dtype=float).T, strict=True))
+    return dict(zip(("kind", "away_m", "turned_deg", *STOPPING_RULES), np.array(seen, dtype=float).T, strict=True))
 
 
 def _poses(world: Any, settings: Settings, room: Room, rng: np.random.Generator) -> Iterator[tuple[int, Pose]]:
@@ -97,7 +106,7 @@ def _poses(world: Any, settings: Settings, room: Room, rng: np.random.Generator)
         yield DRIVEN, robot.pose
 
 
-RULES = ("one", "three", "raw")
+STOPPING_RULES = ("one", "three", "raw")
 
 VIEWED = ("paper", "attic")
 
@@ -117,7 +126,7 @@ def thresholds(views: Any) -> dict[str, float]:
     """
     false = views[(views.kind == ANYWHERE) & ((views.away_m > FAR_M) | (views.turned_deg.abs() > TURNED_DEG))]
     alarms = int((false.one >= stopping_thresholds(Settings().multiplier).upper).sum())
-    return {rule: float(np.sort(false[rule])[-1 - alarms]) for rule in RULES}
+    return {rule: float(np.sort(false[rule])[-1 - alarms]) for rule in STOPPING_RULES}
 
 
 def width(views: Any, rule: str, threshold: float) -> float:
@@ -180,19 +189,14 @@ def orientation(table: Any) -> Judged:
     for room in VIEWED:
         views = rows(table, room=room)
         least = thresholds(views)
-        found |= {f"{room}.{rule}.degrees": exact(width(views, rule, least[rule])) for rule in RULES}
-        for rule in RULES[1:]:
+        found |= {f"{room}.{rule}.degrees": exact(width(views, rule, least[rule])) for rule in STOPPING_RULES}
+        for rule in STOPPING_RULES[1:]:
             more = wider(views, rule)
             found[f"{room}.{rule}"] = Comparison(*more, side_of(more, 0.0, "wider", "narrower"), 1)
-    words = [{found[f"{room}.{rule}"].verdict for room in VIEWED} for rule in RULES[1:]]
+    words = [{found[f"{room}.{rule}"].verdict for room in VIEWED} for rule in STOPPING_RULES[1:]]
     if all(word == {"wider"} for word in words):
         return "supported", found
     return "contradicted" if {"narrower"} in words else "inconclusive", found
-
-
-def by_construction(holds: bool) -> str:
-    """Of what is arithmetic."""
-    return "by construction" if holds else "contradicted"
 
 
 @question(

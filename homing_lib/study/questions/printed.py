@@ -26,11 +26,11 @@ LETTER = Settings().with_changes(
 )
 """All as printed, with the camera: `homing run --as-printed`."""
 
-_LETTER = LETTER.with_changes(images="atlas")
+_ON_ATLAS = LETTER.with_changes(images="atlas")
 
 
 def _cascade() -> dict[str, Settings]:
-    now, rows = _LETTER, {"the letter": _LETTER}
+    now, rows = _ON_ATLAS, {"the letter": _ON_ATLAS}
     for name, (_, ours) in SUBSTITUTIONS.items():
         now = now.with_changes(**ours)
         rows[f"+ {name}"] = now
@@ -39,7 +39,7 @@ def _cascade() -> dict[str, Settings]:
 
 
 CASCADE = _cascade()
-ALONE = {f"only {name}": _LETTER.with_changes(**ours) for name, (_, ours) in SUBSTITUTIONS.items()}
+ALONE = {f"only {name}": _ON_ATLAS.with_changes(**ours) for name, (_, ours) in SUBSTITUTIONS.items()}
 UNDONE = {f"all but {name}": OURS.with_changes(**printed) for name, (printed, _) in SUBSTITUTIONS.items()}
 
 READINGS: dict[str, dict[str, Any]] = {
@@ -69,8 +69,8 @@ PRINTED = study(
     "and other readings of the print.",
     {
         **CASCADE,
-        "the letter, tau .03": _LETTER.with_changes(tau0=0.03),
-        "the letter, alpha_0 of the formula": _LETTER.with_changes(alpha0=1.25e-4),
+        "the letter, tau .03": _ON_ATLAS.with_changes(tau0=0.03),
+        "the letter, alpha_0 of the formula": _ON_ATLAS.with_changes(alpha0=1.25e-4),
         **{name: settings for name, settings in (ALONE | UNDONE).items() if settings not in CASCADE.values()},
         **{name: OURS.with_changes(**changes) for name, changes in READINGS.items()},
         **_RANDOM,
@@ -79,7 +79,7 @@ PRINTED = study(
     totals,
 )
 
-_OURS = f"+ {[*SUBSTITUTIONS][-1]}"
+_OURS_LABEL = f"+ {[*SUBSTITUTIONS][-1]}"
 
 LETTERS = ("the letter", "the letter, tau .03")
 
@@ -96,7 +96,7 @@ LETTERS = ("the letter", "the letter, tau .03")
 )
 def printed(table: Any) -> Judged:
     found: dict[str, Comparison] = {}
-    ours = column(table, "total", condition=_OURS)
+    ours = column(table, "total", condition=_OURS_LABEL)
     for name, settings in PRINTED.conditions.items():
         early, late = (column(table, one, condition=name) for one in ("early", "late"))
         found[f"{name}.early"], found[f"{name}.late"] = estimate(early), estimate(late)
@@ -106,7 +106,7 @@ def printed(table: Any) -> Judged:
         together = 4 if name in LETTERS else 0
         found[f"{name}.of first"] = compare_steps(late, early, comparisons=together)
         found[f"{name}.of random"] = compare_steps(late, chance, comparisons=together)
-        if name != _OURS:
+        if name != _OURS_LABEL:
             found[f"{name}.of ours.total"] = compare_steps(column(table, "total", condition=name), ours)
     at_each = {learns(found, name) for name in LETTERS}
     return at_each.pop() if len(at_each) == 1 else "undecided", found

@@ -37,7 +37,7 @@ UPDATES = ("taken", "all")
 
 FORM_2 = "fletcher-reeves"
 FIXED = tuple(f"fixed:{value:g}" for value in (0.0, 0.25, 0.5, 0.75, 0.9, 0.95))
-IN_ROOMS = (FORM_2, "gate", *FIXED)
+RULES_IN_ROOMS = (FORM_2, "gate", *FIXED)
 """Who drives in every room; draws from form 2's lambdas join them."""
 
 VARYING = {
@@ -68,7 +68,7 @@ CHOICE = Choice(
     [
         one
         for room, update in CASES
-        for rule in dict.fromkeys((*IN_ROOMS, *(VARYING.values() if room == "paper" else ())))
+        for rule in dict.fromkeys((*RULES_IN_ROOMS, *(VARYING.values() if room == "paper" else ())))
         for one in _at_all_step_sizes(room, update, rule)
     ],
 )
@@ -170,7 +170,7 @@ def in_paper() -> Study:
             one
             for update in UPDATES
             for one in (
-                *(chosen("paper", update, rule) for rule in dict.fromkeys((*IN_ROOMS, *VARYING.values()))),
+                *(chosen("paper", update, rule) for rule in dict.fromkeys((*RULES_IN_ROOMS, *VARYING.values()))),
                 *(chosen_own("paper", update, rule) for rule in VARYING.values()),
             )
         ),
@@ -236,11 +236,11 @@ def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Compa
             robots = robots_of(who, room, update, table, draws)
             found[f"{room}.{update}.{who}.steps"] = estimate(robots.total)
             found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, unlearnt))
-        found[f"{room}.{update}.smallest ratio"] = exact(smallest(room, update, len(robots)))
+        found[f"{room}.{update}.smallest ratio"] = exact(detectable_ratio(room, update, len(robots)))
     return found
 
 
-def smallest(room: str, update: str, robots: int) -> float:
+def detectable_ratio(room: str, update: str, robots: int) -> float:
     """The smallest ratio of total steps that so many robots would detect, said before they drive, by the choice."""
     ours, theirs = (
         CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))

@@ -84,6 +84,8 @@ _EXTENSION: dict[str, Any] = {
 """The declared extension learns from everywhere, at a constant cost, in a hundred episodes; tried, it climbs as
 well."""
 
+FROM_START = 5  # trials of each kind from the room's start
+
 
 class Trial(NamedTuple):
     """An episode of a robot that has learnt: who is tried, whence, its steps (at most 2,000), and if it came home."""
@@ -101,14 +103,14 @@ def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kin
     drawn = np.random.default_rng([seed, 4])
     everywhere = [pose._replace(heading=drawn.uniform(-pi, pi)) for pose in starts_everywhere(env)]
     saved = agent.learner.weights.copy()
-    now = settings.with_changes(max_steps=2000, start="room")
+    now = settings.with_changes(max_steps=drives.CAPS[-1], start="room")
     with HomingEnv(now, observation="features", model=env.model) as world:
         for kind in kinds:
             rng = np.random.default_rng([seed, 5, KINDS.index(kind)])
             robot = driver(kind, agent, settings, saved, rng)
             world.reset(seed=seed)
             order = rng.permutation(len(everywhere))  # who learns on meets the places in no order
-            for start in [*(everywhere[place] for place in order), *5 * [env.room.start]]:
+            for start in [*(everywhere[place] for place in order), *FROM_START * [env.room.start]]:
                 robot.begin_episode(settings.episodes + 1)
                 path, home = run_episode(world, robot, {"start": start})
                 yield Trial(kind, start, len(path), home)
@@ -126,10 +128,10 @@ def placed(settings: Settings, seed: int) -> Columns:
         kinds = KINDS if settings.start == "room" else EXTENDED
         for kind, some in groupby(trials(settings, env, agent, seed, kinds), lambda one: one.kind):
             taken, reached = np.array([(one.steps, one.home) for one in some], dtype=float).T
-            steps, home = taken[:-5], reached[:-5]
+            steps, home = taken[:-FROM_START], reached[:-FROM_START]
             cut = np.minimum(steps, TRIAL_STEPS)
             soon = home * (steps <= TRIAL_STEPS)
-            means = (steps.mean(), cut.mean(), np.median(steps), soon.mean(), home.mean(), taken[-5:].mean())
+            means = (steps.mean(), cut.mean(), np.median(steps), soon.mean(), home.mean(), taken[-FROM_START:].mean())
             yield (KINDS.index(kind), *map(float, means))
 
     return rows_after(settings, seed, names, summed_up)
@@ -139,8 +141,8 @@ MAPPED = ("restored", "frozen", "climb", "random")
 
 
 def mapped(settings: Settings, seed: int) -> Columns:
-    """The same trials one by one, of those who are drawn on a map: `kind`, `x`, `y` (m), `steps`, and `home`, within
-    TRIAL_STEPS.
+    """The trials of `placed` one by one, of those who are drawn on a map: `kind`, `x`, `y` (m), `steps`, and `home`,
+    within TRIAL_STEPS.
     """
     names = ("kind", "x", "y", "steps", "home")
 
@@ -229,12 +231,12 @@ CARRIED = study(
 
 # --- Judges -----------------------------------------------------------------------------------------------------------
 
-AT = (20, 60)
+JUDGED_AT = (20, 60)
 
 OWN_STEP_SIZE = ("hall", "cell")
 """Rooms in which another step size than the default suits form 2 better (`varying.CHOICE`)."""
 
-COMPARISONS = len(ROOMS) * len(AT)
+COMPARISONS = len(ROOMS) * len(JUDGED_AT)
 
 
 def outcomes(table: Any, name: str, kind: str, room: str, episodes: int = 20) -> Array:
@@ -265,7 +267,7 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
             ours, climb = (
                 column(table, f"after_{number}", room=room, start=start, controller=who) for who in ("sarsa", "climb")
             )
-            together = COMPARISONS if number in AT and start == "room" else 0
+            together = COMPARISONS if number in JUDGED_AT and start == "room" else 0
             found[f"{room}.{start}.{number}"] = compare_steps(ours, climb, comparisons=together)
         for training, episodes, kinds in (("published", 20, KINDS), ("extension", 100, EXTENDED)):
             for kind, name in product(kinds, ("steps", "median", "soon", "home", "start_steps")):
@@ -277,8 +279,8 @@ def worth(paper: Any, others: Any, everywhere: Any, unlearnt: Any, *own: Any) ->
     for room, table in zip(OWN_STEP_SIZE, own, strict=True):
         climb = column(unlearnt, "total", room=room, controller="climb")
         learner = varying.robots_of("form2", room, "taken", table, None).total.iloc[: len(climb)]
-        found[f"{room}.own step size.{AT[0]}"] = compare_steps(learner, climb)
-    counts = [sum(found[f"{room}.room.{number}"].verdict == "fewer" for room in ROOMS) for number in AT]
+        found[f"{room}.own step size.{JUDGED_AT[0]}"] = compare_steps(learner, climb)
+    counts = [sum(found[f"{room}.room.{number}"].verdict == "fewer" for room in ROOMS) for number in JUDGED_AT]
     return f"within 20 episodes in {counts[0]} of {len(ROOMS)} rooms, within 60 in {counts[1]}", found
 
 
