@@ -7,13 +7,13 @@ PYTHON = $(shell for python in python3.11 python3.12 python3.13; do $$python -Ic
 VERSION := $(shell $(PYTHON) -Ic 'import ensurepip, sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 HOMING := .venv/bin/python -m homing_lib
 
-# The library, by who uses it, so that an edit remakes what it touches and nothing else. No notebook imports LETTERS,
-# the lab or its handouts; a test compares this with their imports.
-LETTERS := $(patsubst %,homing_lib/publish/%.py,cli compact demo film prose report site tex where)
+# The library, by who uses it, so that an edit remakes what it touches and nothing else. No numbered notebook imports
+# UNDRAWN, or of the lab its file, hints, experiments or handouts; a test compares this with their imports.
+UNDRAWN := $(patsubst %,homing_lib/publish/%.py,cli compact demo film prose report site tex where)
 MODEL   := $(filter-out %/__main__.py,$(wildcard homing_lib/*.*))
 STUDY   := $(wildcard homing_lib/study/*.* homing_lib/study/[a-z]*/*.*)
-DRAWING := $(filter-out $(LETTERS),$(wildcard homing_lib/publish/*.*))
-TEACH   := $(filter-out %/lab.py %/handouts.py,$(wildcard homing_lib/teach/*.*))
+DRAWING := $(filter-out $(UNDRAWN),$(wildcard homing_lib/publish/*.*))
+TEACH   := $(filter-out %/experiments.py %/handouts.py %/lab.py %/lab.toml,$(wildcard homing_lib/teach/*.*))
 
 NOTEBOOKS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/[0-9]*.ipynb))
 EXECUTED  := $(NOTEBOOKS:%=.build/notebooks/%)
@@ -79,15 +79,15 @@ verify: .build/verified ## repeat one stored run live and compare it to the bit
 	@cat $@
 
 # Notebooks
-SHOWN := .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock
+FOR_NOTEBOOKS := .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock
 notebooks: $(EXECUTED) ## execute the notebooks; they write figures/ and notebooks/executed/
-.build/notebooks/%: notebooks/%.ipynb $(SHOWN)
+.build/notebooks/%: notebooks/%.ipynb $(FOR_NOTEBOOKS)
 	@mkdir -p $(@D) .build/written
 	$(HOMING) notebook $* > .build/written/$*
 	@xargs cksum < .build/written/$* > $@
 
 quick: $(NOTEBOOKS:%=.build/quick/%.ipynb) ## the same in some minutes and into .build/quick, for trying changes out
-.build/quick/%.ipynb: notebooks/%.ipynb $(SHOWN)
+.build/quick/%.ipynb: notebooks/%.ipynb $(FOR_NOTEBOOKS)
 	$(HOMING) notebook $* --profile quick --output-dir .build/quick --figures-dir .build/quick/figures
 
 # Report, and two lectures: slides, and as a second PDF each slide with three lines for the lecturer
@@ -120,22 +120,23 @@ lectures: $(SLIDES) $(SLIDES:.pdf=-notes.pdf) ## two lectures on slides and thei
 
 # For browsers and for the class
 demo: .build/demo ## the demonstration, notebooks/executed/demo.html: one page that needs nothing but a browser
-.build/demo: .build/data $(MODEL) $(STUDY) $(DRAWING) homing_lib/publish/demo.py $(wildcard notebooks/demo/*) \
-  environment.lock
+.build/demo: .build/data $(MODEL) $(STUDY) $(addprefix homing_lib/publish/,demo.py style.py) \
+  $(wildcard notebooks/demo/*) environment.lock
 	$(HOMING) demo
 	@cksum notebooks/executed/demo.html > $@
 
 site: .build/pages ## all of it as pages to read from disk: open .build/site/index.html
 .build/pages: $(EXECUTED) .build/demo .build/report homing_lib/publish/site.py $(wildcard notebooks/site/*) \
-  notebooks/lab.ipynb README.md figures/film.gif
+  notebooks/TEACHING.md notebooks/lab.ipynb README.md figures/film.gif
 	$(HOMING) site
 	@find .build/site -type f -exec cksum {} + > $@
 
 # The environment of a class packs it too, where that is the only one.
 READY := $(firstword $(wildcard .venv/.ready .build/class/.ready) .venv/.ready)
 lab: .build/lab/lab-teacher.zip ## the lab for a class, .build/lab: lab.zip for students, lab-teacher.zip with the solutions
-.build/lab/lab-teacher.zip: $(wildcard homing_lib/*.* homing_lib/*/*.* homing_lib/*/*/*.*) notebooks/lab.ipynb \
-  $(wildcard notebooks/lab/*) environment.lock | $(READY)
+.build/lab/lab-teacher.zip: $(MODEL) homing_lib/__main__.py $(STUDY) \
+  $(wildcard homing_lib/publish/*.* homing_lib/teach/*.*) notebooks/lab.ipynb \
+  $(wildcard notebooks/lab/* data/STUDIES.md LICENSE) pyproject.toml environment.lock | $(READY)
 	$(READY:.ready=bin/python) -m homing_lib lab
 
 # Work on the project itself
@@ -145,7 +146,7 @@ test: .venv/.ready ## lint, types and the quick tests
 	.venv/bin/python -m mypy
 	.venv/bin/python -m pytest -q -n 2 --dist loadfile
 
-bench: .venv/.ready ## what learning reaches and costs, in one table
+bench: .venv/.ready ## what a step and a run cost, in one table
 	.venv/bin/python -m tests.bench
 
 compact: .venv/.ready ## write the atlas that ships with the library, homing_lib/compact.atlas, anew

@@ -15,11 +15,10 @@ import psutil
 
 from homing_lib.publish.cli import main
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 from homing_lib.study import runs, studies
 from homing_lib.study.runs import Study
 from homing_lib.study.sweep import sweep
-
-ROOT = Path(__file__).parent.parent
 
 Process = subprocess.Popen[str]
 Contents = dict[str, bytes]

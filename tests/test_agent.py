@@ -61,12 +61,6 @@ def test_a_seed_fixes_a_run_to_the_bit_whatever_ran_before_in_any_process_and_an
     assert there.stdout.strip() == digest(short)
 
 
-def test_a_stored_run_with_the_camera_is_made_again_to_the_bit():
-    stored = runs.load_study(studies.HEADLINE)["form 2"][0]
-    again = run(stored.settings, stored.seed)
-    np.testing.assert_array_equal(again.steps, stored.steps)
-
-
 def test_runs_that_share_a_survey_would_each_have_made_the_same():
     """Whatever is said not to matter to a survey."""
     seen = SHORT.of_scope("view", "lattice", "survey").keys()

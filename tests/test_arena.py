@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 from math import cos, degrees, hypot, inf, pi, radians, sin
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,10 +18,10 @@ from homing_lib.publish import compact
 from homing_lib.robot import INFRARED_ANGLES_DEG, Robot, wrapped
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 from homing_lib.surfaces import paint
 from homing_lib.thresholds import stopping_thresholds
 
-ROOT = Path(__file__).parent.parent
 RADIUS = 0.035
 THING = {thing.name: thing for thing in PAPER.objects}
 

@@ -18,11 +18,9 @@ from homing_lib.arena import Arena
 from homing_lib.atlas import Lattice, open_atlas, read_stored
 from homing_lib.rooms import PAPER, ROOMS, Pose
 from homing_lib.settings import Settings
-from homing_lib.storage import npz_bytes, read_arrays
+from homing_lib.storage import ROOT, npz_bytes, read_arrays
 from homing_lib.survey import free_pose, survey
 from tests.kills import lives, wait_for, workers_of
-
-ROOT = Path(__file__).parent.parent
 
 COARSE = dict(
     images="atlas", image_size=16, atlas_spacing_m=0.1, atlas_heading_deg=60, survey_steps=50, episodes=2, max_steps=60

@@ -118,7 +118,7 @@ def test_a_logarithmic_axis_has_the_more_numbers_written_out_the_less_it_spans(e
     assert [f"{tick:g}" for tick in ticks] == [f"{number:g}" for number in numbers]
 
 
-def test_a_letter_that_learns_is_a_disc_and_one_that_does_not_a_square():
+def test_a_reading_of_the_print_that_learns_is_a_disc_and_one_that_does_not_a_square():
     found = {f"{name}.{when}": number(steps) for name in ("yes", "no") for when, steps in (("early", 80), ("late", 50))}
     found |= {"yes.of first": WORDS["fewer"], "yes.of random": WORDS["fewer"]}
     found |= {"no.of first": WORDS["fewer"], "no.of random": WORDS["undecided"]}

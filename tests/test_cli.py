@@ -14,11 +14,11 @@ import pytest
 
 from homing_lib.__main__ import homing, main
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 from homing_lib.study import findings, runs, studies, sweep
 from homing_lib.study.questions.printed import LETTER
 from homing_lib.study.runs import Study, load
 
-ROOT = Path(__file__).parent.parent
 TINY = {"images": "compact", "episodes": 2, "survey_steps": 20, "max_steps": 10}
 RUN = ["run", *(f"--set={name}={value}" for name, value in TINY.items())]
 HOMING = [sys.executable, "-m", "homing_lib"]

@@ -178,7 +178,10 @@ def test_a_rule_that_depends_on_the_step_alone_is_compiled(rule):
     assert same(engine.run(TINY, 1, rule), agent.run(TINY, 1, rule))
 
 
-@pytest.mark.parametrize("make", [make for makes in IN_PYTHON.values() for make in makes])
+@pytest.mark.parametrize(
+    "make",
+    [pytest.param(make, id=f"{why} {n}") for why, makes in IN_PYTHON.items() for n, make in enumerate(makes)],
+)
 def test_any_other_rule_is_for_python_and_gives_the_same_run(make):
     assert not engine.compiles(make())
     assert same(engine.run(TINY, 1, make()), agent.run(TINY, 1, make()))

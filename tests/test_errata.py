@@ -1,5 +1,6 @@
 """Each slip of the printed paper has a proof, and a proof is something that is there."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,16 +9,15 @@ import pytest
 from homing_lib.agent import STEP_COLUMNS, run
 from homing_lib.environment import reward
 from homing_lib.errors import UserError
-from homing_lib.features import bins_per_channel, histogram
+from homing_lib.features import HomeModel, bins_per_channel, histogram
 from homing_lib.lambdas import Fixed
-from homing_lib.policy import decrease_rate
+from homing_lib.policy import decrease_rate, epsilon_greedy
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings, studies
 from homing_lib.study.errata import ERRATA
 from homing_lib.study.findings import Comparison
 from homing_lib.study.questions import printed
-from homing_lib.study.theorem import distance_from_cg
 from homing_lib.td import LinearTD
 from homing_lib.thresholds import stopping_thresholds
 
@@ -68,13 +68,13 @@ def test_an_effect_is_a_number_with_its_word(monkeypatch):
 
 
 def test_an_erratum_is_a_paragraph_or_a_row_in_which_a_proof_is_a_sentence():
-    (e8,) = errata.chosen(["E8"])
-    assert str(e8).startswith("**E8**, Fig. 2: n of about 3 x 256/b, so 256. Eq. (14) gives 258 for b = 3. *Here*: ")
-    assert "*Proof*: tests/test_features.py::test_bins_of_three" in str(e8)
+    proofs = ("tests/test_x.py::test_one_is_one", "study printed")
+    text = {"where": "Fig. 0", "printed": "a", "wrong": "b", "reading": "c"}
+    made = replace(ERRATA[0], name="E0", effects={}, proofs=proofs, **text)
+    assert str(made) == f"**E0**, Fig. 0: a. b. *Here*: c. *Proof*: {'; '.join(proofs)}."
+    row = "| E0 | Fig. 0 | a. b. | c. | one is one (tests/test_x.py); study printed |"
+    assert errata.table([made]).splitlines()[-1] == row
     assert len(errata.table(ERRATA).splitlines()) == 2 + len(ERRATA)
-    proof = errata.table([e8]).split("|")[-2]
-    assert proof.startswith(" bins of three give the 258 features of eq 14 and ")
-    assert proof.endswith(" (tests/test_features.py) ")
 
 
 ENTRY = '[E1]\nwhere = "eq. (3)"\nprinted = "a"\nwrong = "b"\nreading = "c"\nproofs = ["study printed"]\n'
@@ -119,23 +119,25 @@ def test_the_gradient_of_the_value_is_phi_by_the_weights_and_theta_by_the_featur
 
 def test_the_formula_for_alpha_0_gives_neither_of_the_values_beside_it():
     """E4."""
-    assert pytest.approx(1.25e-4) == 10**-1 / (2 * 20**2)
+    printed = Settings.model_fields["alpha0"].json_schema_extra["printed"]
+    table, text, formula = map(float, re.findall(r"\d\.\d+e-\d", printed))
+    assert formula == pytest.approx(0.1 / (2 * Settings().episodes ** 2))
+    assert formula not in (table, text)
 
 
 def test_an_epsilon_0_of_6_gives_a_negative_probability_in_all_twenty_episodes():
-    """E5: 1 - epsilon + epsilon/3, eq. (21)."""
+    """E5: the share of the best of three, eq. (21)."""
     epsilons = [0.3 * 20 * decrease_rate(episode, 0.3 * 20) for episode in range(1, 21)]
-    assert max(1 - epsilon + epsilon / 3 for epsilon in epsilons) < 0
+    assert max(epsilon_greedy([1.0, 0.0, 0.0], epsilon)[0] for epsilon in epsilons) < 0
 
 
 def test_a_variance_of_counts_that_is_scaled_again_makes_every_feature_one():
     """E11: counts of 64 x 64 pixels that differ from home's by up to five standard deviations."""
-    pixels, sigma = 64**2, 30.0
-    difference = np.linspace(-5 * sigma, 5 * sigma, 11)
-    once = np.exp(-(difference**2) / (2 * sigma**2))
-    again = np.exp(-(difference**2) / (2 * pixels**2 * sigma**2))
-    assert once.min() < 1e-5
-    assert again.min() > 1 - 1e-6
+    pixels, sigma, home = 64**2, 30.0, np.full((1, 11), 0.5)
+    view = home[0] + np.linspace(-5, 5, 11) * sigma / pixels
+    of_counts = np.full((1, 11), sigma**2)
+    assert HomeModel(home, of_counts / pixels**2).features(view).min() < 1e-5
+    assert HomeModel(home, of_counts).features(view).min() > 1 - 1e-6
 
 
 def test_the_agent_of_the_default_settings_uses_form_2_and_form_1_gives_other_runs():
@@ -192,16 +194,6 @@ def test_without_learning_at_walls_the_step_before_a_gap_is_what_lambda_sees_aft
     delta = steps[in_first, STEP_COLUMNS.index("delta")]
     told = np.array(seen[: len(delta) - 1])
     np.testing.assert_array_equal(told[:, 1], delta[:-1])
-
-
-def test_the_first_reset_of_lambda_ends_the_equivalence_with_conjugate_gradient():
-    """E23: `first` is the step of it."""
-    rng = np.random.default_rng(1)
-    found = distance_from_cg(rng.standard_normal((13, 5)), rng.standard_normal(12))
-    at = found.first - 1
-    assert at > 0 and not 0 <= found.ratio[at] <= 1
-    assert found.free.max() < 1e-9
-    assert found.reset[:at].max() < 1e-9 < found.reset[at]
 
 
 @pytest.mark.parametrize(("bin_size", "empty"), [(3, False), (4, True), (6, True), (10, True), (12, False), (16, True)])

@@ -1,4 +1,4 @@
-"""Each exercise that is checked is blank, and its folded solution is proven; what is wrong is refused. Cells repeat."""
+"""Each exercise that is checked is blank, and its folded solution is proven; wrong answers are refused."""
 
 import ast
 import re

@@ -59,7 +59,10 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-REDRAWN = ("fig3-thresholds", "varying", "varying-own", "rooms", "rooms-matrix", "drives-start", "worth")
+REDRAWN = (
+    *("fig3-thresholds", "calibration-marginals", "varying", "varying-own", "rooms", "rooms-matrix"),
+    *("drives-start", "worth", "worth-everywhere"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +70,7 @@ def every():
     return where.drawn()
 
 
-@pytest.mark.parametrize("name", [*REDRAWN, "worth-everywhere", "calibration-marginals"])
+@pytest.mark.parametrize("name", REDRAWN)
 def test_what_a_figure_is_said_to_depend_on_draws_it_as_it_is_stored(every, tmp_path, name):
     figure = every[name]
     codes = [cell.source for cell in nbformat.read(figure.notebook, as_version=4).cells if cell.cell_type == "code"]

@@ -1,4 +1,4 @@
-"""Eq. (7) in its three forms and what they are made of; a rule's name, and the one door for both."""
+"""Eq. (7) in its three forms, what they are made of, and how a rule is named."""
 
 import re
 

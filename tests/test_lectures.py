@@ -4,9 +4,10 @@ import re
 
 import pytest
 
+from homing_lib.publish import prose
 from homing_lib.storage import ROOT
 
-SOURCES = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "paper/lectures").glob("[!p]*.tex"))}
+SOURCES = {path.stem: path.read_text(encoding="utf-8") for path in prose.LECTURES}
 FRAMES = {
     f"{name} {number}": frame
     for name, source in SOURCES.items()

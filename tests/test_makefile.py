@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from homing_lib.publish.notebooks import REPRODUCIBLE
+from homing_lib.storage import ROOT
 from tests.test_architecture import imported
 
-ROOT = Path(__file__).parent.parent
 LIBRARY = sorted(path.relative_to(ROOT) for path in (ROOT / "homing_lib").rglob("*.*") if path.parent.name[0] != "_")
 VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 
@@ -44,6 +44,10 @@ echo pages > .build/$(dirname "$source" | sed s/paper.lectures/lectures/)/$made.
 """
 
 
+BYTE_CODE = "homing_lib/teach/__pycache__/lab.cpython-311.pyc"
+"""What Python leaves beside a source; nothing is made from it."""
+
+
 def script(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
@@ -69,6 +73,7 @@ def project(folder: Path) -> Path:
     script(folder / "paper/install-tex.sh", "#!/bin/sh\n")
     sources = ["notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "notebooks/lab.ipynb", "notebooks/demo/page.html"]
     sources += ["paper/report.tex", "paper/lectures/preamble.tex", "paper/lectures/blame.tex", "figures/film.gif"]
+    sources += ["notebooks/TEACHING.md", BYTE_CODE]
     for path in (folder / name for name in [*sources, "README.md", "environment.lock", "pyproject.toml", *LIBRARY]):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -133,15 +138,21 @@ STUDIED = ["verify", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
         ("homing_lib/study/questions/varying.py", [*STUDIED, "lab"]),
         (".build/data", STUDIED),
         ("homing_lib/publish/style.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
+        ("homing_lib/publish/curves.py", [*NOTEBOOKS, *SET, "site", "lab"]),
         ("homing_lib/publish/report.py", [NUMBERS, *SET, "site", "lab"]),
         ("homing_lib/publish/demo.py", ["demo", "site", "lab"]),
         ("homing_lib/publish/site.py", ["site", "lab"]),
         ("homing_lib/publish/cli.py", ["lab"]),
         ("homing_lib/teach/exercises.py", [*NOTEBOOKS, *SET, "site", "lab"]),
         ("homing_lib/teach/lab.py", ["lab"]),
+        ("homing_lib/teach/lab.toml", ["lab"]),
+        ("homing_lib/teach/experiments.py", ["lab"]),
+        (BYTE_CODE, []),
         ("homing_lib/__main__.py", ["lab"]),
+        ("pyproject.toml", ["lab"]),
         ("notebooks/02-b.ipynb", [NUMBERS, "notebook 02-b", *SET, "site"]),
         ("notebooks/lab.ipynb", ["site", "lab"]),
+        ("notebooks/TEACHING.md", ["site"]),
         ("notebooks/demo/page.html", ["demo", "site"]),
         ("paper/report.tex", [NUMBERS, *SET, "site"]),
         ("paper/lectures/blame.tex", [NUMBERS, *SET, "site"]),

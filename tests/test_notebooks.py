@@ -126,7 +126,9 @@ def test_executing_twice_gives_the_same_bytes_whatever_the_user_has_set_up(write
     assert "image/png" in figure.data
 
 
-def test_the_sockets_of_a_kernel_may_not_fit_into_any_temporary_folder(write, own_set_up, monkeypatch):
+def test_a_notebook_runs_where_no_temporary_folder_has_a_path_short_enough_for_the_sockets_of_a_kernel(
+    write, own_set_up, monkeypatch
+):
     monkeypatch.setattr("os.access", lambda *_: False)  # nor into /tmp
     own_set_up()
     copy, *_ = notebooks.execute(str(write(PARAMETERS, "print(1)")))

@@ -15,12 +15,12 @@ FOUND = {
         "varying",
         "no",
         {
-            "paper.total": Comparison(1.1534, 1.1049, 1.1951, "more", True),
+            "paper.total": Comparison(1.1534, 1.1049, 1.1951, "more", 1),
             "paper.home": Comparison(0.9345, 0.9, 0.957),
             "steps": Comparison(12345.6, 11999.5, 13000.4, "fewer"),
         },
     ),
-    "C8": Finding("C8", "contradicted", {"restored.soon": Comparison(0.5, 0.4, 0.6, "below", True)}),
+    "C8": Finding("C8", "contradicted", {"restored.soon": Comparison(0.5, 0.4, 0.6, "below", 1)}),
 }
 
 
@@ -181,7 +181,7 @@ def told():
         "A varying λ helps. <!-- pin: C8=a -->\n\nDoes it? Learning\nis worth it.\n\n# It helps\n\nDoes it help?",
     )
     yield "README.md", prose.MARKDOWN[0].read_text(encoding="utf-8")
-    yield "report.tex", prose.LATEX[0].read_text(encoding="utf-8").partition(r"\begin{document}")[2]
+    yield "report.tex", prose.REPORT.read_text(encoding="utf-8").partition(r"\begin{document}")[2]
     for path in prose.NOTEBOOKS:
         for cell in nbformat.read(path, as_version=4).cells if re.match(r"0[6-9]-", path.name) else ():
             if cell.cell_type == "markdown" and not cell.id.startswith(("exercise", "solution")):

@@ -49,7 +49,8 @@ def judged(name, *tables):
     """The verdict, which its predicate must name, and the comparisons, of which it must say how many are judged."""
     asked = findings.questions()[name]
     verdict, found = asked.judge(*tables)
-    assert verdict in asked.predicate.lower() or "verdict counts" in asked.predicate
+    named = re.search(rf"\b{re.escape(verdict)}\b", asked.predicate, re.IGNORECASE)
+    assert named or "verdict counts" in asked.predicate
     judged_with = [one.judged for one in found.values() if one.judged]
     if together := re.search(r"k = (\d+)( in each room)?", asked.predicate):
         k = int(together[1])

@@ -1,4 +1,4 @@
-"""What readers meet first: README and CONTRIBUTING, whose code runs as it stands, and the notebooks at first sight."""
+"""What readers meet first: pages whose links and commands lead somewhere, code that runs, and notebooks."""
 
 import json
 import re
@@ -13,7 +13,8 @@ from homing_lib.publish import where
 from homing_lib.storage import ROOT
 from homing_lib.study import rules
 
-TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md")}
+PAGES = ("README.md", "CONTRIBUTING.md", "data/README.md", "notebooks/TEACHING.md")
+TEXTS = {page: (ROOT / page).read_text(encoding="utf-8") for page in PAGES}
 SAMPLES = dict(
     zip(
         ("agent.run", "step_sizes", "gymnasium.make"),
@@ -21,7 +22,7 @@ SAMPLES = dict(
         strict=True,
     )
 )
-LINKS = sorted({path for text in TEXTS.values() for path in re.findall(r"\]\((?!https?:)([^)]+)\)", text)})
+LINKS = sorted({(page, path) for page in PAGES for path in re.findall(r"\]\((?!https?:)([^)#]+)", TEXTS[page])})
 
 
 @pytest.mark.parametrize("shows", SAMPLES)
@@ -35,12 +36,12 @@ def test_each_sample_of_the_readme_runs_where_pybullet_cannot_be_loaded(shows, m
     assert "nan" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("path", LINKS)
-def test_what_is_linked_is_there(path):
-    assert (ROOT / path).exists()
+@pytest.mark.parametrize(("page", "path"), LINKS)
+def test_what_is_linked_is_there(page, path):
+    assert ((ROOT / page).parent / path).exists()
 
 
-@pytest.mark.parametrize("text", [*TEXTS, "data/README.md", "notebooks/TEACHING.md", "paper/report.tex"])
+@pytest.mark.parametrize("text", [*PAGES, "paper/report.tex"])
 def test_every_command_that_is_named_to_a_reader_is_there(text):
     written = (ROOT / text).read_text(encoding="utf-8")
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)

@@ -18,7 +18,7 @@ from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings
 from homing_lib.study.headline import Headline
 
-SOURCE = prose.LATEX[0].read_text(encoding="utf-8")
+SOURCE = prose.REPORT.read_text(encoding="utf-8")
 
 
 def runs(lengths_of_runs, **changes):
@@ -141,13 +141,13 @@ def test_the_text_refers_to_every_figure_and_table():
 
 def test_a_figure_that_no_notebook_saves_is_refused_by_its_name(monkeypatch, tmp_path):
     (tmp_path / "report.tex").write_text("\\drawn{fig4-rom}{A caption.}\n\\drawn{learns}{Another.}\n")
-    monkeypatch.setattr(where, "LATEX", (tmp_path / "report.tex",))
+    monkeypatch.setattr(where, "REPORT", tmp_path / "report.tex")
     with pytest.raises(UserError, match=r"report\.tex: .*'fig4-rom'.*did you mean fig4-room\?"):
         where.reported()
 
 
 def test_links_of_the_report_lead_to_files_and_from_each_caption_to_code_and_data_and_no_viewer_needs_to_run_any():
-    pdf = prose.LATEX[0].with_suffix(".pdf").read_bytes()
+    pdf = prose.REPORT.with_suffix(".pdf").read_bytes()
     streams = re.findall(rb"/FlateDecode[^>]*>>\s*stream\r?\n(.*?)endstream", pdf, re.DOTALL)
     objects = b"\n".join([pdf, *(zlib.decompressobj().decompress(stream) for stream in streams)])
     addresses = {address.decode() for address in re.findall(rb"/URI\s*\(([^)]*)\)", objects)}

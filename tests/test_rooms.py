@@ -100,7 +100,7 @@ def test_a_slip_in_the_description_is_one_line_that_names_file_room_and_entry(be
     assert what in line and line.endswith("restore it with git") and "\n" not in line
 
 
-def test_the_command_says_so_too_without_a_traceback(tmp_path):
+def test_the_command_answers_a_slip_in_the_description_of_a_room_in_one_line_without_a_traceback(tmp_path):
     house = Path(rooms.__file__).parent
     shutil.copytree(house, tmp_path / "homing_lib", ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "homing_lib" / "rooms.toml").write_text("[paper]\n", encoding="utf-8")

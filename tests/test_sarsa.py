@@ -220,27 +220,33 @@ def test_a_setting_out_of_bounds_is_refused_with_its_value_and_the_bound(changes
     assert "\n" not in str(refusal.value)
 
 
+MALFORMED = [
+    ({"phi": [1, 2, 3]}, r"phi must have shape \(2,\), got \(3,\)"),
+    ({"phi": [[1, 2]]}, r"phi must have shape \(2,\), got \(1, 2\)"),
+    ({"phi": 1.0}, r"phi must have shape \(2,\), got \(\)"),
+    ({"phi": ["a", 2]}, r"phi must be numbers of shape \(2,\), got \['a', 2\]"),
+    ({"phi": [np.nan, 2]}, "phi must be finite"),
+    ({"phi_next": None}, "phi_next must have shape"),
+    ({"phi_next": [1, np.inf]}, "phi_next must be finite"),
+    ({"reward": np.nan}, "reward must be a finite number, got nan"),
+    ({"reward": None}, "reward must be a finite number, got None"),
+    *(({"action": value}, f"action must be an integer in 0..1, got {value!r}") for value in (2, -1, 0.5, "0")),
+    ({"next_action": 5}, "next_action must be an integer in 0..1, got 5"),
+    ({"next_action": None}, "next_action must be an integer in 0..1, got None"),
+]
+"""What of a step is changed, and the line that refuses it."""
+
+
 @pytest.mark.parametrize(
-    ("changes", "line"),
+    ("cls", "changes", "line"),
     [
-        ({"phi": [1, 2, 3]}, r"phi must have shape \(2,\), got \(3,\)"),
-        ({"phi": [[1, 2]]}, r"phi must have shape \(2,\), got \(1, 2\)"),
-        ({"phi": 1.0}, r"phi must have shape \(2,\), got \(\)"),
-        ({"phi": ["a", 2]}, r"phi must be numbers of shape \(2,\), got \['a', 2\]"),
-        ({"phi": [np.nan, 2]}, "phi must be finite"),
-        ({"phi_next": None}, "phi_next must have shape"),
-        ({"phi_next": [1, np.inf]}, "phi_next must be finite"),
-        ({"reward": np.nan}, "reward must be a finite number, got nan"),
-        ({"reward": None}, "reward must be a finite number, got None"),
-        *(({"action": value}, f"action must be an integer in 0..1, got {value!r}") for value in (2, -1, 0.5, "0")),
-        ({"next_action": 5}, "next_action must be an integer in 0..1, got 5"),
-        ({"next_action": None}, "next_action must be an integer in 0..1, got None"),
+        (cls, changes, line)
+        for cls in LEARNERS
+        for changes, line in MALFORMED
+        if cls in CONTROL or not {"action", "next_action"} & changes.keys()
     ],
 )
-@every_learner
 def test_a_step_that_is_malformed_or_not_finite_is_refused_and_changes_nothing(cls, changes, line):
-    if cls not in CONTROL and {"action", "next_action"} & changes.keys():
-        return
     learner = make(cls, initial_weight=1.0)
     with pytest.raises(ValueError, match=line):
         step(learner, **{"phi": [1, 2], "reward": 0, "phi_next": [1, 2]} | changes)

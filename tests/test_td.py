@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_lib.lambdas import RULES, Fixed, fletcher_reeves
-from homing_lib.study.theorem import ConjugateTD
+from homing_lib.study.theorem import ConjugateTD, distance_from_cg
 from homing_lib.td import LinearTD, TrueOnlineTD
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
@@ -65,6 +65,15 @@ def test_conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is
             return
         assert difference == pytest.approx(0, abs=scale)
         assert by_trace.weights == pytest.approx(by_gradient.weights)
+
+
+def test_both_agree_until_the_first_reset_of_lambda_which_is_named():
+    rng = np.random.default_rng(1)
+    found = distance_from_cg(rng.standard_normal((13, 5)), rng.standard_normal(12))
+    at = found.first - 1
+    assert at > 0 and not 0 <= found.ratio[at] <= 1
+    assert found.free.max() < 1e-9
+    assert found.reset[:at].max() < 1e-9 < found.reset[at]
 
 
 @pytest.mark.parametrize("rest", ["episode", "zero error"])

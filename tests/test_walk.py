@@ -1,4 +1,4 @@
-"""On the random walk of the textbooks, rules race by walks that did not choose their step sizes."""
+"""Rules are raced on the random walk of the textbooks, on walks that did not choose their step sizes."""
 
 import numpy as np
 import pytest

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +14,9 @@ from homing_lib.errors import UserError
 from homing_lib.publish import compact
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
+from homing_lib.storage import ROOT
 from tests.conftest import needs_camera
 
-ROOT = Path(__file__).parent.parent
 SETTINGS = Settings(images="compact", episodes=2)
 
 WITHOUT = "import sys\nsys.modules['pybullet'] = None\n"

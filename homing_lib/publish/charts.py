@@ -154,8 +154,8 @@ LEARNERS = {"form 2": "form2", "fixed λ": "fixed", "standard": "standard", "sta
 
 @styled
 def matrix(finding: Finding, rooms: Sequence[str]) -> Figure:
-    """Total steps of each learner, a column, with what suits each learner, a row, in some rooms; the fewest of each row
-    are bold.
+    """Total steps, a panel for each room: a column for who learns, a row for whom the model was calibrated for; the
+    fewest of each row are bold.
     """
     suits = {"as declared": "declared"} | {name.replace("\n", " "): key for name, key in LEARNERS.items()}
     figure, grid = panels(0.75 + 0.3 * len(suits), len(rooms), sharey=True)

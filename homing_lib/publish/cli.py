@@ -146,10 +146,10 @@ def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool)
 @homing.command()
 @click.option("--seed", type=SEED, default=1000, metavar="N", help="By default 1000, of the stored runs.")
 @_changes
-@click.option("--episode", type=int, metavar="N", help="1, 2, ...; by default the last of the run.")
+@click.option("--episode", type=int, metavar="N", help="The other one: 2, 3, ...; by default the last of the run.")
 @click.option("--out", type=Path, default=Path("film.mp4"), metavar="FILE", show_default=True)
 def film(seed: int, changes: tuple[str, ...], episode: int | None, out: Path) -> None:
-    """An episode as MP4 or GIF: robot's view, room from above, similarity and lambda."""
+    """The first episode beside another, as MP4 or GIF: robot's view, room from above, similarity and lambda."""
     from homing_lib.publish import film
 
     film.film(changed_settings(changes), seed, episode, out)
@@ -266,7 +266,7 @@ def errata(names: tuple[str, ...]) -> None:
 def where(figure: str) -> None:
     """What made a FIGURE: notebook, cell and function, studies and seeds.
 
-    FIGURE is a name in figures/ or its beginning, such as drives-after or fig4, or its number in the report.
+    FIGURE is a name in figures/, such as drives-after (or fig4 for fig4-room), or its number in the report.
     """
     from homing_lib.publish.where import origin
 

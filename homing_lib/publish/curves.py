@@ -1,6 +1,7 @@
 """Curves over episodes and step sizes, mean and interval, each with its name at its end."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -115,7 +116,7 @@ def by_episode(title: str, tables: Mapping[str, Array], ylabel: str) -> Figure:
 def _by_episode(axes: Axes, tables: Mapping[str, Array]) -> dict[str, tuple[float, float]]:
     """Draw mean and interval by episode; returns where each curve ends."""
     ends = {}
-    for (name, table), line in zip(tables.items(), LINES, strict=False):
+    for (name, table), line in zip(tables.items(), cycle(LINES), strict=False):
         episodes = np.arange(1, table.shape[1] + 1)
         curve(axes, episodes, band(table), line)
         ends[name] = float(episodes[-1]), float(table[:, -1].mean())
@@ -150,7 +151,7 @@ def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], start
     figure, grid = panels(2.7, len(starts), sharey=True)
     for axes, (start, title) in zip(grid, starts.items(), strict=True):
         ends = {}
-        for room, line in zip(rooms, LINES, strict=False):
+        for room, line in zip(rooms, cycle(LINES), strict=False):
             ratios = np.array([finding[f"{room}.{start}.{number}"].interval for number in episodes])
             curve(axes, episodes, ratios.T, line)
             ends[room] = float(episodes[-1]), float(ratios[-1, 0])
@@ -168,7 +169,7 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     figure, (axes,) = panels(3.1)
     ends: dict[str, tuple[float, float]] = {}
     least = (np.inf, "", 0.0)
-    for (name, table), line in zip(errors.items(), LINES, strict=False):
+    for (name, table), line in zip(errors.items(), cycle(LINES), strict=False):
         mean, low, high = band(np.minimum(table, 1e6))
         drawn = mean <= top
         if not drawn.any():
@@ -194,7 +195,7 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     widest = max(float(np.quantile(error, 0.995)) for error in errors.values())
     within = {name: float((error < band_width).mean()) for name, error in errors.items()}
     downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
-    for name, (colour, dashes) in zip(downwards, LINES, strict=False):
+    for name, (colour, dashes) in zip(downwards, cycle(LINES), strict=False):
         share = 100 * np.arange(1, errors[name].size + 1) / errors[name].size
         label = f"{name} ({within[name]:.0%} within the band)"
         axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)

@@ -6,7 +6,6 @@ they need of the library: DATA, which is settings, room, colours and verdicts; t
 
 import json
 from base64 import b64encode
-from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -121,6 +120,6 @@ def room_data(room: Room) -> tuple[dict[str, Any], list[Image]]:
     return described, textures
 
 
-def write(path: Path = PAGE) -> None:
+def write() -> None:
     """Write the page. The same sources and data give the same bytes."""
-    write_bytes(path, build().encode())
+    write_bytes(PAGE, build().encode())

@@ -86,13 +86,13 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
                 raise UserError(f"{path}: cannot be written (ffmpeg: {why})") from None
 
 
-def timetable(lengths: Sequence[int], frames: int = FRAMES) -> list[int]:
+def timetable(lengths: Sequence[int]) -> list[int]:
     """The steps that have a frame: each while all episodes go on, then as many as fit, and the last.
 
     So that an episode of hundreds of steps does not take minutes, and a short one is not over at once.
     """
-    slow, last = min(*lengths, frames // 2), max(lengths)
-    later = np.linspace(slow, last, frames - slow).round().astype(int).tolist()
+    slow, last = min(*lengths, FRAMES // 2), max(lengths)
+    later = np.linspace(slow, last, FRAMES - slow).round().astype(int).tolist()
     return list(dict.fromkeys([*range(slow), *later]))
 
 

@@ -1,6 +1,7 @@
 """What several figures are made of: panels, rows, marks, curves, keys, words, and axes."""
 
 from collections.abc import Iterable, Mapping
+from itertools import cycle
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -91,7 +92,7 @@ def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
     scale = axes.figure.dpi / 72
     least = 1e-12 if axes.get_yscale() == "log" else -np.inf
     heights = {name: axes.transData.transform((1, max(y, least)))[1] / scale for name, (_, y) in ends.items()}
-    tints = dict(zip(ends, (colour for colour, _ in LINES), strict=False))
+    tints = dict(zip(ends, cycle(colour for colour, _ in LINES), strict=False))
     tie: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1, "relpos": (0, 0.5)}
     place = -np.inf
     for name in sorted(ends, key=lambda name: heights[name]):
@@ -102,7 +103,10 @@ def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
 
 
 def log_axis(axes: Axes, which: str, *, narrow: bool = False) -> None:
-    """Make the axis "x" or "y" logarithmic, with 10, 20, 50, 100 written out, and more where it spans little."""
+    """Make the axis "x" or "y" logarithmic, with 10, 20, 50, 100 written out, and more where it spans little.
+
+    narrow: on a small panel, where fewer numbers fit.
+    """
     axes.set(**{f"{which}scale": "log"})
     axis = axes.yaxis if which == "y" else axes.xaxis
     low, high = axis.get_view_interval()

@@ -42,7 +42,7 @@ def home_view(image: Image, scaled_histogram: Array, bin_size: int) -> Figure:
 def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room, settings: Settings) -> Figure:
     """The paper's Fig. 4: the room obliquely and from above, and what the robot sees from both ends of its path.
 
-    In the plan, light: what the camera overlooks from home and from the start, up to the nearest thing or wall.
+    In the plan, light: what the camera sees from home and from the start, up to the nearest thing or wall.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 2.45), layout="compressed")
     left, plan, upper, lower = figure.subplot_mosaic("oph;ops", width_ratios=[2.3, 2.2, 0.9]).values()
@@ -213,7 +213,7 @@ def _draw_walls(axes: Axes, room: Room) -> None:
 
 
 def in_sight(pose: Pose, room: Room, settings: Settings) -> Array:
-    """Corners of the floor that the camera overlooks, shape (122, 2): itself, then where each ray of 121 is stopped."""
+    """Corners of the floor that the camera sees, shape (122, 2): itself, then where each ray of 121 is stopped."""
     eye = np.array(_ahead(pose, settings.camera_offset_m))
     half, rays = radians(settings.field_of_view_deg) / 2, 121
     angle = pose.heading + np.linspace(-half, half, rays)

@@ -22,7 +22,9 @@ from homing_lib.publish.tex import tex
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import findings
 
-LATEX = (ROOT / "paper" / "report.tex", *sorted((ROOT / "paper" / "lectures").glob("[!p]*.tex")))
+REPORT = ROOT / "paper" / "report.tex"
+LECTURES = tuple(sorted(path for path in (ROOT / "paper" / "lectures").glob("*.tex") if path.name != "preamble.tex"))
+LATEX = (REPORT, *LECTURES)
 MARKDOWN = (ROOT / "README.md", ROOT / "notebooks" / "TEACHING.md")
 NOTEBOOKS = tuple(sorted((ROOT / "notebooks").glob("*.ipynb")))
 

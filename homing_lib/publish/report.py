@@ -111,7 +111,7 @@ def _file(path: str, text: str) -> str:
 
 def linked() -> list[str]:
     """The files that the report's links lead to, from the root of the repository."""
-    sources = (latex(), prose.LATEX[0].read_text(encoding="utf-8"))
+    sources = (latex(), prose.REPORT.read_text(encoding="utf-8"))
     return sorted({path for text in sources for path in re.findall(r"\\file{([^}#]*)}", text)})
 
 

@@ -176,6 +176,7 @@ def converted(notebook: Notebook, address: str, leads: Callable[[str], str], **r
         filters={"markdown2html": partial(rendered, leads)},
         config=Config(ExtractOutputPreprocessor={"enabled": True}),
     )
+    # Without the cells tagged "parameters", and papermill's "injected-parameters".
     notebook.cells = [cell for cell in notebook.cells if "parameters" not in str(cell.metadata.get("tags"))]
     resources |= {"address": address, "title": title(notebook), "doors": DOORS, "unique_key": Path(address).stem}
     html, resources = exporter.from_notebook_node(notebook, resources)
@@ -188,7 +189,7 @@ def title(notebook: Notebook) -> str:
 
 
 def describe(notebook: Notebook) -> None:
-    """Give each cell that draws what a reader hears who does not see: its section, and what the function draws."""
+    """Give each cell the text that stands for its figure: its section, and what the function draws."""
     section, functions = "", imports(notebook)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
@@ -228,23 +229,23 @@ def model() -> str:
 Documented = ast.FunctionDef | ast.ClassDef
 
 
-def public(of: ast.Module | ast.ClassDef) -> list[Documented]:
+def public(parent: ast.Module | ast.ClassDef) -> list[Documented]:
     """Functions and classes for use elsewhere, in the order of the file."""
-    return [node for node in of.body if isinstance(node, Documented) and not node.name.startswith("_")]
+    return [node for node in parent.body if isinstance(node, Documented) and not node.name.startswith("_")]
 
 
-def signature(of: Documented) -> str:
+def signature(node: Documented) -> str:
     """What a function takes and returns, as HTML; nothing for a class."""
-    if isinstance(of, ast.ClassDef):
+    if isinstance(node, ast.ClassDef):
         return ""
-    returned = f" -> {ast.unparse(of.returns)}" if of.returns else ""
-    return f'<pre class="signature">{escape(f"{of.name}({ast.unparse(of.args)}){returned}", quote=False)}</pre>'
+    returned = f" -> {ast.unparse(node.returns)}" if node.returns else ""
+    return f'<pre class="signature">{escape(f"{node.name}({ast.unparse(node.args)}){returned}", quote=False)}</pre>'
 
 
-def documented(of: ast.Module | Documented) -> str:
+def documented(node: ast.Module | Documented) -> str:
     """A docstring as HTML: paragraphs, and what is indented or a table as it stands."""
     html = []
-    for part in (ast.get_docstring(of) or "").split("\n\n"):
+    for part in (ast.get_docstring(node) or "").split("\n\n"):
         kind = "pre" if re.search(r"^[ |]|  ", part, re.M) else "p"
         marked = re.sub(r"`+([^`]+)`+", r"<code>\1</code>", escape(part, quote=False))
         html.append(f"<{kind}>{marked}</{kind}>")

@@ -74,7 +74,7 @@ def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
     """A function that draws a figure, in our style and at no cost to anyone else's."""
 
     @wraps(plot)
-    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with house_style():
             figure = plot(*args, **kwargs)
             interactive = plt.isinteractive()
@@ -83,4 +83,4 @@ def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
         matplotlib.interactive(interactive)
         return figure
 
-    return styled
+    return in_style

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from homing_lib.errors import UserError, nearest, shown
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook
-from homing_lib.publish.prose import LATEX
+from homing_lib.publish.prose import REPORT
 from homing_lib.storage import ROOT
 from homing_lib.study import findings
 from homing_lib.study.runs import Study
@@ -58,15 +58,18 @@ class Drawn(NamedTuple):
     @property
     def studies(self) -> list[Study]:
         """The studies that it shows: those that its cell reads, then those of its questions."""
-        named = [node for part in self.statements for node in ast.walk(part) if isinstance(node, ast.expr)]
-        shown_ = [looked_up(node, self.imported) for node in named]
-        shown_ += [one for name in self.asked for one in findings.questions()[name].studies]
-        made = [one() if isinstance(one, Later) else one for one in shown_ if isinstance(one, Study | Later)]
+        nodes = [node for part in self.statements for node in ast.walk(part) if isinstance(node, ast.expr)]
+        named = [looked_up(node, self.imported) for node in nodes]
+        named += [one for name in self.asked for one in findings.questions()[name].studies]
+        made = [one() if isinstance(one, Later) else one for one in named if isinstance(one, Study | Later)]
         return list({one.name: one for one in made}.values())
 
 
 def origin(name: str) -> str:
-    """What made a figure, as text. name: as in figures/, its beginning, or its number in the report. UserError."""
+    """What made a figure, as text. Raises UserError if there is none of this name.
+
+    name: as in figures/ (fig4 for fig4-room), or its number in the report.
+    """
     every, numbered = drawn(), in_report()
     name = _named(name, every, numbered)
     figure, function = every[name], every[name].function
@@ -96,7 +99,7 @@ def stored_in(study: Study) -> str:
 
 def in_report() -> list[str]:
     """The names of the report's figures, in order; "" for one that is typeset there."""
-    report = LATEX[0].read_text(encoding="utf-8")
+    report = REPORT.read_text(encoding="utf-8")
     return re.findall(r"^\\(?:drawn(?:\[\w+\])?{([\w-]+)}|begin{figure})", report, re.M)
 
 
@@ -105,7 +108,7 @@ def reported() -> dict[str, Drawn]:
     every, names = drawn(), [name for name in in_report() if name]
     for name in names:
         if name not in every:
-            raise UserError(f"{LATEX[0]}: no notebook saves a figure {name!r}{nearest(name, every)}")
+            raise UserError(f"{REPORT}: no notebook saves a figure {name!r}{nearest(name, every)}")
     return {name: every[name] for name in names}
 
 
@@ -115,7 +118,7 @@ def _named(name: str, every: Mapping[str, Drawn], numbered: Sequence[str]) -> st
         return begun[0]
     if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(numbered):
         if not (there := numbered[int(number[1]) - 1]):
-            raise UserError(f"figure {shown(name)}: it is typeset in {LATEX[0]}, from no data")
+            raise UserError(f"figure {shown(name)}: it is typeset in {REPORT}, from no data")
         return there
     raise UserError(f"figure {shown(name)}: no notebook draws it; there are {', '.join(every)}{nearest(name, every)}")
 
@@ -178,10 +181,10 @@ def imports(notebook: Notebook) -> dict[str, Any]:
     for cell in notebook.cells:
         for node in ast.walk(ast.parse(cell.source)) if cell.cell_type == "code" else ():
             if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("homing_lib"):
-                for name in (alias.name for alias in node.names):
+                for alias in node.names:
                     with suppress(ModuleNotFoundError):
-                        module = import_module(node.module)
-                        available[name] = getattr(module, name, None) or import_module(f"{node.module}.{name}")
+                        found = getattr(import_module(node.module), alias.name, None)
+                        available[alias.asname or alias.name] = found or import_module(f"{node.module}.{alias.name}")
     return available
 
 

@@ -102,7 +102,7 @@ def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
 
 
 def alike(answer: ArrayLike, right: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether both have the same shape and agree to rounding. TypeError for what is no number."""
+    """Whether both have the same shape and agree to rounding. Raises TypeError or ValueError for what is no number."""
     answer, right = np.asarray(answer, dtype=float), np.asarray(right, dtype=float)
     return answer.shape == right.shape and np.allclose(answer, right, rtol=tolerance, atol=tolerance)
 

@@ -67,14 +67,14 @@ def both_empty(share: Any) -> None:
 
 
 @check("2.1 · multipliers")
-def multipliers(answer: Mapping[str, Any], psi: float = 0.95) -> None:
-    """Put back into its form, each multiplier gives the threshold that was asked for.
+def multipliers(answer: Mapping[str, Any]) -> None:
+    """Put back into its form, each multiplier gives the threshold of .95 that was asked for.
 
-    answer: the multipliers of the "first" and the "second" form; psi: the threshold.
+    answer: the multipliers of the "first" and the "second" form.
     """
     complete(answer, ("first", "second"))
     for name, form in {"first": thresholds.linear, "second": thresholds.square_root}.items():
-        if not alike(given := form(answer[name]), psi, 1e-6):
+        if not alike(given := form(answer[name]), 0.95, 1e-6):
             raise Wrong(f"{name}: this multiplier gives ψ = {given:.4f}.")
 
 
@@ -94,11 +94,12 @@ def farthest(distance: float, model: HomeModel, views: Sequence[Array], away: Ar
 
 @check("3.1 · a run in one number")
 def late_steps(late: Callable[[Run], float]) -> None:
-    """It is the mean steps of the last five episodes planned; those that a lost run did not reach count as the cap.
+    """It is the mean number of steps over the last five planned episodes; those that a lost run never reached count as
+    the cap.
 
     late: a run to that number.
     """
-    rng = np.random.default_rng(31)
+    rng = np.random.default_rng(SEED)
     settings = Settings(images="compact", episodes=8, max_steps=200)
     for finished in (8, 8, 6, 1):
         lengths, lost = rng.integers(20, 200, finished), 0 if finished == 8 else finished + 1
@@ -114,7 +115,7 @@ def share_in_band(share: Callable[[Array, Thresholds], float]) -> None:
 
     share: similarities, shape (steps,), and the two thresholds to a number.
     """
-    rng, psi = np.random.default_rng(32), stopping_thresholds(Settings().multiplier)
+    rng, psi = np.random.default_rng(SEED), stopping_thresholds(Settings().multiplier)
     for _ in range(5):
         nrb = np.r_[rng.uniform(2 * psi.lower - psi.upper, 2 * psi.upper - psi.lower, 30), psi.lower, psi.upper]
         if not alike(share(nrb.copy(), psi), ((nrb >= psi.lower) & (nrb < psi.upper)).mean()):
@@ -128,7 +129,7 @@ def expected_sarsa(learn: Any) -> None:
 
     learn: as `Agent.learn`, of a learner with `settings`, `rate`, `theta`, shape (3, n), and `probabilities`.
     """
-    rng, settings, rate = np.random.default_rng(33), Settings(discount=0.9), 0.5
+    rng, settings, rate = np.random.default_rng(SEED), Settings(discount=0.9), 0.5
     for action in range(3):
         theta, (phi, phi_next) = rng.normal(size=(3, settings.n_features)), rng.random((2, settings.n_features))
 
@@ -150,7 +151,7 @@ def on_orthogonal_features(ratio: Callable[[float, float, float], float]) -> Non
 
     ratio: (delta, delta_prev, discount) to a number.
     """
-    rng, phi = np.random.default_rng(41), np.eye(9)
+    rng, phi = np.random.default_rng(SEED), np.eye(9)
     for form in get_args(Form):
         discount, before = rng.uniform(0.5, 0.95), 0.0
         learner = LinearTD(9, step_size=0.1, discount=discount, lambda_rule=RULES[form], clip=False)
@@ -280,7 +281,8 @@ def slowest(robots: Any, late: Array) -> None:
 
 @check("9.2 · beyond chance")
 def beyond_chance(left: Any) -> None:
-    """What is left is how much the robots differ, and the places, and not what a coin would have done anyway.
+    """What is left is how much robots differ and how much places differ, without what tosses of a coin would show
+    anyway.
 
     left: a table of shares, shape (robots, places), to two standard deviations, of the robots and of the places.
     """

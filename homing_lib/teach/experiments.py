@@ -95,7 +95,7 @@ def lambdas_given(rule: Any, seeds: Sequence[int], step_size: float) -> tuple[fl
 
 @cache
 def rivals(seeds: range) -> Mapping[str, Array]:
-    """The steps of the others, who are the same for every rule."""
+    """The steps of those that the student's rule is held against, the same for every rule."""
     learnt = rules.compare({label: lambdas.lambda_spec(rule).rule for label, rule in RIVALS.items()}, seeds)
     climb = Settings(images="compact", controller="climb")
     climbed = engine.side_by_side(lambda seed: episode_matrix([engine.run(climb, seed)])[0], seeds, [])
@@ -164,7 +164,7 @@ def recap(seen: theorem.Distance, raced: walk.Race, compared: rules.Rules, tried
     behind = [*np.flatnonzero(excess <= 0), len(excess)][0]
     when = f"takes as few in episode {behind + 1}" if behind < len(excess) else f"takes more in all {behind} episodes"
 
-    home = {kind: taken.mean() for kind, taken in tried.items()}
+    taken = {kind: each.mean() for kind, each in tried.items()}
     shown = (
         f"With γ = 0.9 and λ = 0.8, less than half of a feature is left after {steps} steps.",
         f"On a quadratic the printed form 1 is {times:.0f} times form 2, so the sign got lost.",
@@ -174,9 +174,9 @@ def recap(seen: theorem.Distance, raced: walk.Race, compared: rules.Rules, tried
         f"In {undefined:.0%} of the steps of the race form 2 has no λ. What your rule says there is its guard.",
         f"The climb takes {climb:.0f} steps per episode; {mine} {when}, and by then {excess[:behind].sum():.0f} "
         "more in total. The robot pays for those.",
-        f"After ten episodes the robot that learns on takes {home['restored']:.0f} steps, frozen it takes "
-        f"{home['frozen']:.0f}, learning from the initial weights {home['forgetful']:.0f}; the climb "
-        f"{home['climb']:.0f}, random actions {home['random']:.0f}. Frozen, it is "
-        f"{'worse' if home['frozen'] > home['random'] else 'better'} than chance.",
+        f"After ten episodes the robot that learns on takes {taken['restored']:.0f} steps, frozen it takes "
+        f"{taken['frozen']:.0f}, learning from the initial weights {taken['forgetful']:.0f}; the climb "
+        f"{taken['climb']:.0f}, random actions {taken['random']:.0f}. Frozen, it is "
+        f"{'worse' if taken['frozen'] > taken['random'] else 'better'} than chance.",
     )
     return "\n\n".join(f"**{task}** · {line}" for task, line in enumerate(shown, start=1))

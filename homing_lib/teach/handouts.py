@@ -23,9 +23,9 @@ GUIDE = NOTEBOOKS / "lab" / "teacher.md"
 FOLDER = ROOT / ".build" / "lab"
 
 
-def write(folder: Path | None = None) -> list[Path]:
+def write(folder: Path = FOLDER) -> list[Path]:
     """Write both archives; return their paths. Raises UserError for what is missing, filled in or unsolved."""
-    folder, archives = folder or FOLDER, {"lab": students(), "lab-teacher": teacher()}
+    archives = {"lab": students(), "lab-teacher": teacher()}
     for name, files in archives.items():
         write_bytes(folder / f"{name}.zip", archive(name, files))
     return [folder / f"{name}.zip" for name in archives]

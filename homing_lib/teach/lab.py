@@ -263,9 +263,9 @@ def practice(rule: Any) -> str:
     return raced(rule, range(100, 110))
 
 
-def raced(rule: Any, judge: Sequence[int], choose: Sequence[int] = range(6)) -> str:
-    """The result of a rule that does not lose; raises `Behind` for one that does. judge, choose: as in `walk.race`."""
-    result = walk.race({"λ = 0.8": lambdas.Fixed(0.8), "the rule": rule}, choose, judge)
+def raced(rule: Any, judge: Sequence[int]) -> str:
+    """The result of a rule that does not lose; raises `Behind` for one that does. judge: as in `walk.race`."""
+    result = walk.race({"λ = 0.8": lambdas.Fixed(0.8), "the rule": rule}, judge=judge)
     against, step_size = result.verdicts["the rule"], result.step_size["the rule"]
     line = f"Its error is {against:.2f} times that of λ = 0.8, at α = {step_size:g}: {WORDS[against.verdict]}."
     if against.verdict != "more":
