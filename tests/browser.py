@@ -1,4 +1,7 @@
-"""A headless Chromium that a test drives: opens a page, acts like a user, and notes what the page says and asks for."""
+"""A headless Chromium that a test drives: opens a page, acts like a user, and notes what the page says and asks for.
+
+Below it, how the demonstration is opened and read.
+"""
 
 import json
 import shlex
@@ -10,6 +13,8 @@ from typing import Any
 from urllib.request import urlopen
 
 import websocket  # comes with Jupyter
+
+from homing_lib.publish.demo import PAGE
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
@@ -130,3 +135,18 @@ class Browser:
 
     def type(self, text: str) -> None:
         self.call("Input.insertText", text=text)
+
+
+DEMONSTRATION = PAGE.as_uri()
+
+
+def opened(browser: Browser, state: str) -> None:
+    browser.open(f"{DEMONSTRATION}#{state.removeprefix('#')}")
+    browser.until("robotView.world && (state.view === 'walk' || robotView.experiment)")
+
+
+def title(browser: Browser, canvas: str) -> str:
+    """What a figure says, once all that waits is painted."""
+    browser("new Promise((done) => setTimeout(done, 100))")
+    browser.until(f"at('{canvas}').getAttribute('aria-label')")
+    return browser(f"at('{canvas}').getAttribute('aria-label')")

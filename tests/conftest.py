@@ -1,9 +1,11 @@
-"""What tests share: a skip where there is no camera, the paper's room and its home, and settings unlike the default."""
+"""What tests share: a skip where there is no camera, the paper's room and its home, a JavaScript engine, a browser, and
+settings unlike the default."""
 
 import re
 import signal
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -19,6 +21,8 @@ from homing_lib.survey import survey
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena
+    from tests.browser import Browser
+    from tests.javascript import Engine
 
 # Whoever is started in the background ignores Ctrl-C, and so would all that the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -73,6 +77,41 @@ def arena() -> Iterator["Arena"]:
 def home_model(arena: "Arena") -> HomeModel:
     """What a robot knows of the paper's home after the default survey."""
     return survey(arena, Settings(), PAPER.home, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def engine() -> Iterator["Engine"]:
+    """The demonstration's model in a JavaScript engine."""
+    from tests.javascript import Engine
+
+    with closing(Engine()) as engine:
+        yield engine
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator["Browser"]:
+    """One browser for all tests of a process: it takes its time to start."""
+    from tests.browser import CHROMIUM, Browser
+
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.fixture
+def browser(chromium: "Browser") -> Iterator["Browser"]:
+    """That browser for the demonstration: whatever is done, the page does not complain and asks nobody for anything."""
+    from tests.browser import DEMONSTRATION
+
+    chromium.said.clear()
+    chromium.asked.clear()
+    chromium.resize(1280, 800)
+    yield chromium
+    chromium.open("about:blank")  # after which nothing of the page is noted in the next test
+    assert chromium.said == []
+    asked = {address.split("#")[0] for address in chromium.asked if not address.startswith("blob:")}
+    assert asked <= {DEMONSTRATION, "about:blank", "data:,"}
 
 
 _OTHER = {"lambda_rule": "fixed:0.5", "room": "attic", "atlas_heading_deg": 20, "snapshots": 3, "clear_way_m": 0.01}

@@ -1,10 +1,5 @@
 """The demonstration computes what the library computes: from the same settings and seed, the same run."""
 
-import gzip
-import itertools
-import json
-import re
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,56 +10,14 @@ from scipy.stats import trim_mean
 
 from homing_lib import agent
 from homing_lib.agent import STEP_COLUMNS
-from homing_lib.atlas import COMPACT
 from homing_lib.environment import HomingEnv, free_pose
 from homing_lib.lambdas import RULES, dot
-from homing_lib.publish import demo
-from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.study import measures, robots, walk
-
-mini_racer = pytest.importorskip("py_mini_racer", reason="needs mini-racer, a JavaScript engine in a wheel")
+from tests.javascript import Engine
 
 SMALL = Settings(images="compact", episodes=4, survey_steps=200, max_steps=300)
 RULE_NAMES = (*RULES, "fixed:0", "fixed:0.9", "fletcher-reeves:on_zero=1")
-
-HARNESS = """
-function run(world, settings, seed) {
-  const experiment = new Experiment(world, settings, seed);
-  while (experiment.step());
-  return experiment;
-}
-const NAMES = ["x", "y", "heading", "action", "reward", "similarity", "delta", "lambda", "clipped", "change", "atWall"];
-const rows = (episodes) => episodes.map(({ steps }) => steps.map((step) => NAMES.map((name) => +step[name])));
-"""
-
-
-class Engine:
-    """A JavaScript engine that has read the page's model, and its atlas as `world`."""
-
-    def __init__(self, source: str) -> None:
-        self._context = mini_racer.MiniRacer()
-        self._context.eval(source + HARNESS)
-        content = gzip.decompress(COMPACT.read_bytes())
-        self._context.eval(f"const content = new ArrayBuffer({len(content)}); content")[:] = content
-        self._context.eval("const world = new Atlas(new Uint8Array(content))")
-
-    def __enter__(self) -> "Engine":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._context.close()
-
-    def __call__(self, script: str, **given: Any) -> Any:
-        """What a script returns, with these names in it."""
-        names = "".join(f"const {name} = {json.dumps(value)};" for name, value in given.items())
-        return json.loads(self._context.eval(f"JSON.stringify((() => {{ {names} {script} }})())"))
-
-
-@pytest.fixture(scope="module")
-def engine() -> Iterator[Engine]:
-    with Engine(demo.scripts()) as engine:
-        yield engine
 
 
 def as_json(settings: Settings, **changes: Any) -> dict[str, Any]:
@@ -280,7 +233,7 @@ def test_walks_that_diverge_end(engine):
     assert told == [1, False]
 
 
-# --- Rules by their text ---------------------------------------------------------------------------------------------
+# --- Rules of one's own, and many seeds ------------------------------------------------------------------------------
 
 OWN = {
     "0.7 if delta * delta_prev > 0 else 0": lambda delta, delta_prev, **_: 0.7 if delta * delta_prev > 0 else 0,
@@ -305,61 +258,6 @@ def test_a_rule_of_ones_own_is_the_same_in_both_languages(engine, text):
     assert_same_run(engine, SMALL, 5, text, OWN[text])
 
 
-@pytest.mark.parametrize(
-    ("text", "spec"),
-    [
-        ("gate", ["gate", 0, True, 0]),
-        ("gate:opposite:on_zero=0.5", ["gate:opposite", 0.5, True, 1]),
-        ("fixed:0.9:unclipped", ["fixed:0.9", 0, False, 0.9]),
-        ("own:on_zero=1:unclipped:2 if delta > 0 else 0", ["own", 1, False, 2]),
-    ],
-)
-def test_a_rule_is_written_as_in_the_settings_and_ones_own_after_its_options(engine, text, spec):
-    script = "const { name, onZero, clip, rule } = lambdaSpec(text); return [name, onZero, clip, rule(step)];"
-    assert engine(script, text=text, step={"delta": 1, "deltaPrev": -1}) == spec
-
-
-@pytest.mark.parametrize(
-    ("text", "word"),
-    {
-        "magic": "magic",
-        "fixed:2": "0, 1",
-        "gate:magic": "gate:magic",
-        "gate:on_zero=7": "on_zero",
-        "own:": "Type",
-        "own:dlta / delta_prev": "mean delta?",
-        "own:lambda_prev * 2": "λ is what you compute",
-        "own:delta = 1": "==",
-        "own:delta ^ 2": "**",
-        "own:0,5": "0.5",
-        "own:abs(0,5)": "0.5",
-        "own:np.clip(delta, 0, 1)": "There are delta",
-        "own:phi.dot(phi)": "dot(phi, phi_prev)",
-        "own:delta > 0 ? 1 : 0": "if condition else",
-        "own:(delta": "“)” is missing",
-        "own:delta delta_prev": "operator",
-        "own:1 if delta > 0": "else b",
-        "own:1 and": "missing",
-        "own:* 2": "missing before “*”",
-        "own:phi": "dot(phi, phi)",
-        "own:phi·1": "vector",
-        "own:dot(phi, delta)": "two vectors",
-        "own:max(1)": "at least 2",
-        "own:constructor": "constructor",
-        "own:alert(1)": "“alert” is not known. There are",
-    }.items(),
-)
-def test_what_is_no_rule_is_refused_with_the_remedy(engine, text, word):
-    script = "try { lambdaSpec(text); return null; } catch (error) { return error.message; }"
-    assert word in engine(script, text=text)
-
-
-def test_a_rule_that_always_divides_by_zero_is_told_from_one_that_may(engine):
-    texts = ["1 / 0", "log(-1)", "delta / delta_prev", "1 / (delta + delta_prev)"]
-    never = engine("return texts.map((text) => neverDefined(ownRule(text)));", texts=texts)
-    assert never == [True, True, False, False]
-
-
 @settings(deadline=None)  # the engine's time is the machine's
 @given(st.lists(st.integers(0, 2000), min_size=1, max_size=12))
 def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
@@ -369,60 +267,3 @@ def test_many_seeds_are_summed_up_as_in_the_library(engine, values):
     summary = engine("return iqmInterval(values);", values=values)
     assert summary["value"] == pytest.approx(trim_mean(values, 0.25))
     np.testing.assert_allclose([summary["low"], summary["high"]], np.percentile(resampled, (2.5, 97.5)))
-
-
-# --- The file --------------------------------------------------------------------------------------------------------
-
-STYLE = demo.palette() + demo.source("page.css")
-
-
-@pytest.fixture(scope="module")
-def built() -> str:
-    return demo.build()
-
-
-def test_the_page_is_one_small_file_that_asks_nobody(built):
-    assert len(built.encode()) <= 6_000_000
-    for reaches_out in ("http:", "https:", "fetch(", "XMLHttpRequest", "import(", "WebSocket", "@import", "eval("):
-        assert reaches_out not in re.sub(r'id="(atlas|textures)">[^<]*', "", built)
-    assert not re.search("// scripts|// DATA|<!-- (atlas|textures)", built)
-
-
-def test_the_page_that_is_kept_is_what_its_sources_make(built):
-    """Textures aside: their last bits are the processor's."""
-    kept, built = (re.sub(r'id="textures">[^<]*', "", text) for text in (demo.PAGE.read_text(encoding="utf-8"), built))
-    assert kept == built, "make demo"
-
-
-def test_the_drawing_shows_what_the_camera_sees(engine, arena):
-    room, textures = demo.room_data(PAPER)
-    poses = (PAPER.home, PAPER.start, Pose(0.6, 0.3, 1.2), Pose(0.5, 0.7, 2.5))
-    drawn = engine(
-        """const camera = new Camera(room, Uint8Array.from(texels), side, settings);
-           return poses.map((pose) => [...camera.picture(pose, 64)]);""",
-        room=room,
-        texels=np.stack(textures).ravel().tolist(),
-        side=demo.SIDE,
-        settings=as_json(Settings()),
-        poses=[pose._asdict() for pose in poses],
-    )
-    for pose, pixels in zip(poses, drawn, strict=True):
-        seen, drawing = arena.image(pose)[:, :, :3], np.reshape(pixels, (64, 64, 4))[:, :, :3]
-        assert np.corrcoef(seen.ravel(), drawing.ravel())[0, 1] > 0.85
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_every_text_stands_out_from_its_ground(theme):
-    light, dark = (dict(re.findall(r"--([\w-]+): ([^;]+);", css)) for css in STYLE.split(':root[data-theme="dark"]'))
-    colours = light | dark if theme == "dark" else light
-
-    def luminance(name: str) -> float:
-        if reference := re.fullmatch(r"var\(--(.*)\)", colours[name]):
-            return luminance(reference[1])
-        channels = [int(colours[name][k : k + 2], 16) / 255 for k in (1, 3, 5)]
-        return float(np.dot([0.2126, 0.7152, 0.0722], [((c + 0.055) / 1.055) ** 2.4 for c in channels]))
-
-    texts = ("ink", "soft", "link", "error", *(name for name in colours if name.endswith("-text")))
-    for text, ground in [*itertools.product(texts, ("paper", "ground")), ("on-accent", "accent")]:
-        a, b = sorted(map(luminance, (text, ground)), reverse=True)
-        assert (a + 0.05) / (b + 0.05) >= 4.5, (text, ground)

@@ -1,62 +1,22 @@
-"""The demonstration in a real browser, as a user meets it: from disk, offline, by mouse, by finger and by keyboard."""
+"""The demonstration in a real browser, as a user meets it: from disk, offline, by mouse and by finger."""
 
 import json
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from homing_lib import agent
-from homing_lib.publish.demo import PAGE
 from homing_lib.settings import Settings
 from homing_lib.study import walk
-from tests.browser import CHROMIUM, Browser
+from tests.browser import Browser, opened, title
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: apt-get install chromium)")
-
-ADDRESS = PAGE.as_uri()
 WEIGHTS = "[...robotView.experiment.agent.learner.weights]"
 MOMENT = "JSON.stringify([state, view().steps, robotView.experiment?.episodes, at('own').value])"
 
 
-@pytest.fixture(scope="module")
-def open_browser(tmp_path_factory) -> Iterator[Browser]:
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
-
-
-@pytest.fixture
-def browser(open_browser) -> Iterator[Browser]:
-    """The browser; whatever was done with it, the page has not complained and has asked nobody for anything."""
-    open_browser.said.clear()
-    open_browser.asked.clear()
-    open_browser.resize(1280, 800)
-    yield open_browser
-    assert open_browser.said == []
-    asked = {address.split("#")[0] for address in open_browser.asked if not address.startswith("blob:")}
-    assert asked <= {ADDRESS, "about:blank", "data:,"}
-
-
-def opened(browser: Browser, state: str) -> Browser:
-    browser.open(f"{ADDRESS}#{state.removeprefix('#')}")
-    browser.until("robotView.world && (state.view === 'walk' || robotView.experiment)")
-    return browser
-
-
-def title(browser: Browser, canvas: str) -> str:
-    """What a figure says, once all that waits is painted."""
-    browser("new Promise((done) => setTimeout(done, 100))")
-    browser.until(f"at('{canvas}').getAttribute('aria-label')")
-    return browser(f"at('{canvas}').getAttribute('aria-label')")
-
-
-def choose(browser: Browser, rule: str) -> None:
-    browser(f"at('rule').value = '{rule}'; at('rule').dispatchEvent(new Event('change'))")
-
-
-def type_own(browser: Browser, text: str) -> None:
-    browser.click("#own")
-    browser("at('own').select()")
+def typed(browser: Browser, field: str, text: str) -> None:
+    browser.click(f"#{field}")
+    browser(f"at('{field}').select()")
     browser.type(text)
 
 
@@ -127,16 +87,26 @@ def test_a_rule_of_ones_own_is_typed_and_a_wrong_one_is_explained_while_the_last
     opened(browser, "rule=own&own=exp(delta)&at=30")
     steps = "JSON.stringify(walkView.steps)"
     before = browser(steps)
-    type_own(browser, "0.5 if dlta > 0 else 0")
+    typed(browser, "own", "0.5 if dlta > 0 else 0")
     browser.until("at('own-error').textContent")
     assert "mean delta?" in browser("at('own-error').textContent")
     assert browser("nameOf(chosen())") == "your last readable rule"
     opened(browser, browser("address()"))
     assert browser("at('own').value") == "exp(delta)"
     assert browser(steps) == before
-    type_own(browser, "0.25")
+    typed(browser, "own", "0.25")
     browser.until("walkView.steps.slice(1).every((step) => step.lambda === 0.25)")
     assert browser("at('own-error').textContent") == ""
+
+
+@pytest.mark.parametrize("seed", ["-3", "1.5"])
+def test_what_is_no_seed_is_refused_with_a_word_and_the_run_stays(browser, seed):
+    opened(browser, "seed=2&at=30")
+    typed(browser, "seed", seed)
+    browser.press("Enter")
+    browser("at('seed').blur()")
+    assert browser("at('message').textContent").startswith("A seed is a whole number")
+    assert browser("[state.seed, walkView.steps.length > 0]") == [2, True]
 
 
 # --- Rules beside each other -----------------------------------------------------------------------------------------
@@ -176,7 +146,7 @@ def test_ten_seeds_run_between_frames_and_can_be_stopped(browser):
 def test_at_most_three_rules_are_kept_and_each_can_be_dropped(browser):
     opened(browser, "rule=fixed&lambda=0.5")
     for rule in ("gate", "inverse", "absolute", "polak-ribiere", "gate"):
-        choose(browser, rule)
+        browser(f"at('rule').value = '{rule}'; at('rule').dispatchEvent(new Event('change'))")
     assert browser("compared().map(({ name }) => name)") == ["inverse", "absolute", "form 3", "gate"]
     browser.click("#kept button")
     assert browser("kept()") == ["absolute", "polak-ribiere"]
@@ -293,92 +263,6 @@ def test_a_robot_that_is_carried_while_it_plays_plays_on(browser):
     browser.mouse("mouseReleased", there)
     browser.until(f"player.mode === 'play' && state.made > {made} + 2")
     assert browser("legs(robotView.experiment.from, robotView.steps).filter((leg) => leg.carried).length") == 2
-
-
-# --- Everybody -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", ["-3", "1.5"])
-def test_what_is_no_seed_is_refused_with_a_word_and_the_run_stays(browser, seed):
-    opened(browser, "seed=2&at=30")
-    browser.click("#seed")
-    browser("at('seed').select()")
-    browser.type(seed)
-    browser.press("Enter")
-    browser("at('seed').blur()")
-    assert browser("at('message').textContent").startswith("A seed is a whole number")
-    assert browser("[state.seed, walkView.steps.length > 0]") == [2, True]
-
-
-def test_on_a_phone_the_room_is_in_sight_and_play_moves_the_robot_in_it(browser):
-    browser.resize(390, 844)
-    opened(browser, "view=robot")
-    title(browser, "r-room")
-    top, bottom = browser("['top', 'bottom'].map((end) => at('r-room').getBoundingClientRect()[end])")
-    bar = browser("at('robot-play').getBoundingClientRect().top")
-    assert 0 < top < bottom < bar
-    before = browser("at('r-room').toDataURL()")
-    browser.click("#robot-play")
-    browser.until("robotView.steps.length > 2")
-    assert browser("at('r-room').toDataURL()") != before
-    assert browser("scrollY") == 0
-
-
-@pytest.mark.parametrize("view", ["walk", "robot"])
-def test_on_a_laptop_nothing_scrolls_but_the_page_and_the_buttons_stay_in_sight(browser, view):
-    opened(browser, f"view={view}")
-    assert browser("at('r-curve').getBoundingClientRect().bottom") <= 800
-    scrolls = "e.scrollHeight > e.clientHeight + 1 && /auto|scroll/.test(getComputedStyle(e).overflowY)"
-    assert browser(f"[...document.querySelectorAll('main *')].filter((e) => {scrolls}).map((e) => e.id)") == []
-    browser("scrollTo(0, 700)")
-    assert browser("scrollY") == 700
-    assert 0 <= browser(f"at('{view}-play').getBoundingClientRect().top") < 100
-
-
-def test_everything_can_be_done_by_keyboard(browser):
-    opened(browser, "view=walk")
-    browser("document.activeElement.blur()")
-    browser.press("s", "s", "e")
-    assert browser("walkView.walk.walks") == 1
-    browser("at('w-trace').focus()")
-    browser.press("ArrowLeft", "ArrowLeft")
-    assert browser("walkView.chosen") == browser("walkView.steps.length") - 3
-    browser("document.querySelector('nav button:last-child').focus()")
-    browser.press("Enter")
-    browser.until("state.view === 'robot' && robotView.experiment")
-    browser("at('r-room').focus()")
-    browser.press(*["ArrowRight"] * 2, "ArrowLeft", *["ArrowUp"] * 2, "ArrowDown", *[","] * 2, ".", "Enter")
-    assert browser("state.start.split(',').map(Number)") == pytest.approx([0.27, 0.52, np.radians(-160)], abs=1e-3)
-    browser.press("s", "s", "ArrowUp", "Enter")
-    assert browser("state.kidnap").startswith("2:")
-    for mode in ("play", None):
-        browser.press(" ")
-        assert browser("player.mode") == mode
-    reached = "[...document.querySelectorAll('button, input, select, canvas[tabindex]')].map((e) => e.tabIndex)"
-    assert set(browser(reached)) == {0}
-
-
-@pytest.mark.parametrize("view", ["walk", "robot"])
-def test_every_control_has_a_name(browser, view):
-    opened(browser, f"view={view}&rule=own&own=x")
-    shown = f"[...document.querySelectorAll('#{view} canvas')].filter((e) => e.offsetParent)"
-    browser.until(f"{shown}.every((e) => e.getAttribute('aria-label'))")  # which they have once they are painted
-    unnamed = browser(
-        """[...document.querySelectorAll("button, input, select, canvas")].filter((e) => e.offsetParent)
-        .filter((e) => !(e.textContent.trim() || e.labels?.length || e.getAttribute("aria-label")))
-        .map((e) => e.id)"""
-    )
-    assert unnamed == []
-
-
-@pytest.mark.parametrize("width", [390, 1280, 1920])
-def test_nothing_is_wider_than_the_screen(browser, width):
-    browser.resize(width, 844)
-    for view in ("walk", "robot"):
-        opened(browser, f"view={view}&rule=hestenes-stiefel:printed&at=30&made=30")
-        assert browser("document.documentElement.scrollWidth") <= width
-        sizes = browser(f"[...document.querySelectorAll('#{view} canvas')].map((canvas) => canvas.clientWidth)")
-        assert min(sizes) > 0.4 * min(width, 900) - 60
 
 
 def test_the_data_are_saved_and_are_the_run(browser, tmp_path):

@@ -3,7 +3,6 @@
 import inspect
 import re
 from collections import Counter
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from bs4 import BeautifulSoup
 
 from homing_lib.errors import UserError
 from homing_lib.publish import charts, demo, site
-from tests.browser import CHROMIUM, Browser
 
 NOTEBOOKS = sorted(path.stem for path in site.NOTEBOOKS.glob("[0-9]*.ipynb"))
 PAGES = sorted([*(f"{name}.html" for name in NOTEBOOKS), *site.TEXTS, "claims.html", "errata.html", "model.html"])
@@ -183,24 +181,16 @@ def test_what_is_not_there_is_named_with_the_remedy(monkeypatch, tmp_path):
         site.build()
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory) -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
-
-
 @pytest.mark.parametrize("name", PAGES)
-def test_in_a_browser_a_page_fits_a_phone_and_a_wall_and_complains_of_nothing(browser, folder, name):
-    browser.said.clear()
-    browser.asked.clear()
-    browser.open((folder / name).as_uri())
+def test_in_a_browser_a_page_fits_a_phone_and_a_wall_and_complains_of_nothing(chromium, folder, name):
+    chromium.said.clear()
+    chromium.asked.clear()
+    chromium.open((folder / name).as_uri())
     for width in (390, 1920):
-        browser.resize(width, 900)
-        assert browser("document.documentElement.scrollWidth") <= width
-        sizes = browser("[...document.querySelectorAll('math')].map((m) => parseFloat(getComputedStyle(m).fontSize))")
+        chromium.resize(width, 900)
+        assert chromium("document.documentElement.scrollWidth") <= width
+        sizes = chromium("[...document.querySelectorAll('math')].map((m) => parseFloat(getComputedStyle(m).fontSize))")
         assert min(sizes, default=16) >= 13
-    assert browser.said == []
-    elsewhere = {address for address in browser.asked if not address.startswith(folder.as_uri())}
+    assert chromium.said == []
+    elsewhere = {address for address in chromium.asked if not address.startswith(folder.as_uri())}
     assert elsewhere <= {"about:blank", "data:,"}
