@@ -69,8 +69,7 @@ def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room
 
 @styled
 def paths(rows: Mapping[str, Sequence[tuple[str, Array]]], room: Room) -> Figure:
-    """The paper's Fig. 5: paths over the floor plan. rows: titles; of each path a label and positions, shape (T, 2).
-    """
+    """The paper's Fig. 5: paths over the floor plan. rows: titles; of each path a label and positions, shape (T, 2)."""
     columns = max(map(len, rows.values()))
     height = len(rows) * (TEXT_WIDTH / columns * room.size[1] / room.size[0] + 0.2)
     figure, grid = panels(height, columns, len(rows), layout="compressed")

@@ -29,7 +29,7 @@ from homing_lib.study.studies import load_questions
 
 FILE = DATA / "findings.json"
 
-HOW = """**How it is judged.** Whatever is chosen is chosen on seeds below 100. Step sizes and the best fixed lambda: all
+HOW = """**How it is judged.** Choices are made on seeds below 100. Step sizes and the best fixed lambda: all
 candidates drive with seeds 0 to 19, the best two with 20 to 99, and these decide, by total steps with each episode cut
 at 500. What is judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones
 its mean of the last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means,
