@@ -46,8 +46,8 @@ STAMPS := $(wildcard .build/numbers .build/report .build/demo .build/pages .buil
 $(shell for stamp in $(STAMPS); do [ -s $$stamp ] && cut -d ' ' -f 3- $$stamp | xargs cksum | cmp -s - $$stamp || \
   rm -f $$stamp; done 2>/dev/null)
 
-all: .build/verified .build/report .build/demo ## everything: data, a live check, notebooks, figures, the report
-	@$(HOMING) summary
+all: .build/verified .build/report .build/demo .build/summary ## everything: data, a live check, notebooks, figures, report
+	@cat .build/summary
 	@echo "Report: paper/report.pdf"
 
 # Environments. One of another Python, or that was copied or moved with its folder, is made anew.
@@ -77,6 +77,10 @@ verify: .build/verified ## repeat one stored run live and compare it to the bit
 	$(HOMING) verify > $@.part
 	@mv $@.part $@
 	@cat $@
+
+.build/summary: .build/verified homing_lib/publish/report.py
+	$(HOMING) summary > $@.part
+	@mv $@.part $@
 
 # Notebooks
 FOR_NOTEBOOKS := .build/data $(MODEL) $(STUDY) $(DRAWING) $(TEACH) environment.lock

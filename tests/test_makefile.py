@@ -108,7 +108,7 @@ ALL = ("all", "lectures", "site", "lab")
 def test_a_fresh_clone_makes_everything_and_a_second_make_nothing(tmp_path):
     project(tmp_path)
     assert asked(tmp_path) == [*REPORT, "demo", "summary"]
-    assert asked(tmp_path) == ["data", "summary"]
+    assert asked(tmp_path) == ["data"]
     assert asked(tmp_path, *ALL[1:]) == ["data", *OTHERS]
     assert asked(tmp_path, *ALL[1:]) == ["data"]
 
@@ -125,7 +125,7 @@ def built(tmp_path_factory):
 
 
 SET = ["report", "blame", "blame-notes"]
-STUDIED = ["verify", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
+STUDIED = ["verify", "summary", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ STUDIED = ["verify", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
         (".build/data", STUDIED),
         ("homing_lib/publish/style.py", [*NOTEBOOKS, *SET, "demo", "site", "lab"]),
         ("homing_lib/publish/curves.py", [*NOTEBOOKS, *SET, "site", "lab"]),
-        ("homing_lib/publish/report.py", [NUMBERS, *SET, "site", "lab"]),
+        ("homing_lib/publish/report.py", [NUMBERS, *SET, "summary", "site", "lab"]),
         ("homing_lib/publish/demo.py", ["demo", "site", "lab"]),
         ("homing_lib/publish/site.py", ["site", "lab"]),
         ("homing_lib/publish/cli.py", ["lab"]),
@@ -162,7 +162,7 @@ def test_an_edit_remakes_what_it_touches_and_nothing_else(built, file, again):
     ready(here)
     later(here / file)
     try:
-        assert sorted(asked(here, *ALL)) == sorted(["data", *again, "summary"])
+        assert sorted(asked(here, *ALL)) == sorted(["data", *again])
     finally:
         shutil.rmtree(here)
 
@@ -219,7 +219,7 @@ def test_a_damaged_product_or_stamp_is_made_again(built, file, kept, again, tmp_
     path.unlink() if kept is None else path.write_bytes(whole[:kept])
     assert again in asked(here)
     assert path.read_bytes() == whole
-    assert asked(here) == ["data", "summary"]
+    assert asked(here) == ["data"]
 
 
 def test_the_environment_of_a_class_packs_the_lab_where_there_is_no_other(tmp_path):
