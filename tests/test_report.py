@@ -165,7 +165,7 @@ def test_a_users_own_latex_is_not_in_what_make_typesets(tmp_path):
         (tmp_path / own).mkdir(parents=True)
         (tmp_path / own / "caption.sty").touch()
     hostile = {"HOME": str(tmp_path), "TEXMFHOME": f"{tmp_path}/texmf", "TEXINPUTS": f"{tmp_path}/inputs:"}
-    look = ["make", "--eval=found: ; @kpsewhich caption.sty", "found"]
+    look = ["make", "--no-print-directory", "--eval=found: ; @kpsewhich caption.sty", "found"]
     shutil.copy(ROOT / "Makefile", tmp_path)
     found = subprocess.run(
         look, cwd=tmp_path, env=os.environ | hostile, capture_output=True, text=True, check=True
