@@ -44,6 +44,13 @@ def camera_available() -> bool:
     return True
 
 
+def require_camera(what: str) -> None:
+    """Raises UserError, which says what cannot be done, where PyBullet cannot be loaded and no atlas would do."""
+    if not camera_available():
+        remedy = "`pip install pybullet` builds it (some minutes where there is no wheel, and a C++ compiler)"
+        raise UserError(f"{what} needs PyBullet, which is not installed: {remedy}")
+
+
 class Lattice:
     """Positions x0 + i spacing, y0 + j spacing over the whole room, and `headings` directions from home's."""
 

@@ -274,9 +274,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
             return None
         if self._top_view is None:
-            if not atlas.camera_available():
-                needs = "needs PyBullet (`pip install pybullet`); everything else here runs without it"
-                raise UserError(f"render: the picture of the room from above {needs}")
+            atlas.require_camera("render: the picture of the room from above")
             from homing_lib import arena
 
             with nullcontext(self._arena) if self._arena else arena.Arena(self.room, self.settings) as world:

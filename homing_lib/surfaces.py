@@ -17,14 +17,15 @@ from homing_lib.rooms import Ball, Box, Cone, Texture
 Image = NDArray[np.uint8]
 
 _COLOUR_SHARE, _PERSISTENCE = 0.35, 0.4
+_TEXELS = 256  # along a side of a painted surface
 
 
 @cache
 def paint(texture: Texture, seed: int, name: str) -> Image:
     """A painted surface, shape (256, 256, 3). The same texture, seed and name give the same bytes."""
     rng = np.random.default_rng(int.from_bytes(hashlib.sha256(f"{seed} {name} {texture}".encode()).digest()[:8]))
-    texels, base = 256, np.clip(np.array(texture.rgb), 0.02, 0.98)
-    logit = np.log(base / (1 - base)) + np.zeros((texels, texels, 3))
+    base = np.clip(np.array(texture.rgb), 0.02, 0.98)
+    logit = np.log(base / (1 - base)) + np.zeros((_TEXELS, _TEXELS, 3))
 
     def noise(cells: int) -> Array:
         """Light and dark shared by the channels, and some colour of each, at unit variance."""
@@ -32,15 +33,15 @@ def paint(texture: Texture, seed: int, name: str) -> Image:
         return np.sqrt(1 - _COLOUR_SHARE) * shared + np.sqrt(_COLOUR_SHARE) * own
 
     cells, strength = texture.patches, texture.contrast
-    while cells <= texels // 4:
-        logit += strength * cv2.resize(noise(cells), (texels, texels), interpolation=cv2.INTER_LINEAR)
+    while cells <= _TEXELS // 4:
+        logit += strength * cv2.resize(noise(cells), (_TEXELS, _TEXELS), interpolation=cv2.INTER_LINEAR)
         cells, strength = 2 * cells, strength * _PERSISTENCE
     if texture.picture:
-        row, column = np.mgrid[0:texels, 0:texels] / texels
+        row, column = np.mgrid[0:_TEXELS, 0:_TEXELS] / _TEXELS
         sky = (row < 0.6)[:, :, None]
         sun = ((row - 0.42) ** 2 + (column - 0.65) ** 2 < 0.03)[:, :, None]
         logit += np.where(sky, [-0.4, 0.3, 1.3], [-0.6, 0.8, -1.4]) + sun * np.array([2.6, 1.6, -1.6])
-    logit += texture.grain * noise(texels)
+    logit += texture.grain * noise(_TEXELS)
     return np.rint(255 / (1 + np.exp(-logit))).astype(np.uint8)
 
 
@@ -92,7 +93,8 @@ def cone_mesh(cone: Cone) -> Mesh:
 
 
 def ball_mesh(ball: Ball) -> Mesh:
-    mesh, r, rings, sides = Mesh([], [], []), ball.radius, 6, 12
+    mesh, r = Mesh([], [], []), ball.radius
+    rings, sides = 6, 12
     for ring, side in product(range(rings + 1), range(sides + 1)):
         down, around = pi * ring / rings, 2 * pi * side / sides
         flat = r * sin(down)

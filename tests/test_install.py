@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -130,3 +131,29 @@ def test_the_lock_pins_every_dependency_by_hash_and_names_no_address():
     wanted = [*project["dependencies"], *optional["camera"], *optional["dev"]]
     names = {re.match(r"[\w-]+", dependency)[0].replace("_", "-") for dependency in wanted}
     assert names <= {name for name, _ in packages}
+
+
+# --- LaTeX and git of a user's own -----------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not (shutil.which("kpsewhich") and shutil.which("make")), reason="needs LaTeX and make")
+def test_a_users_own_latex_is_not_in_what_make_typesets(tmp_path):
+    for own in ("texmf/tex/latex", "inputs"):
+        (tmp_path / own).mkdir(parents=True)
+        (tmp_path / own / "caption.sty").touch()
+    hostile = {"HOME": str(tmp_path), "TEXMFHOME": f"{tmp_path}/texmf", "TEXINPUTS": f"{tmp_path}/inputs:"}
+    look = ["make", "--eval=found: ; @kpsewhich caption.sty", "found"]
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    # Not as a part of the make that runs the tests, which would name the folder.
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    environment |= hostile
+    found = subprocess.run(look, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True).stdout
+    assert found.strip().endswith("caption.sty")
+    assert str(tmp_path) not in found
+
+
+@pytest.mark.skipif(not (shutil.which("git") and (ROOT / ".git").exists()), reason="needs a clone")
+def test_in_every_checkout_text_has_the_ends_of_lines_that_sh_and_make_read():
+    listing = ["git", "-c", "safe.directory=*", "ls-files", "--eol"]
+    listed = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert [line for line in listed.splitlines() if "attr/-text" not in line or "crlf" in line] == []

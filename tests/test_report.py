@@ -1,74 +1,18 @@
 """The report says what the data say, in LaTeX that compiles, and leads from each figure to its code and data."""
 
-import os
 import re
-import shutil
-import subprocess
 import zlib
 
-import numpy as np
 import pytest
 
-from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.errors import UserError
 from homing_lib.publish import prose, report, where
 from homing_lib.publish.tex import tex
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings
-from homing_lib.study.headline import Headline
 
 SOURCE = prose.REPORT.read_text(encoding="utf-8")
-
-
-def runs(lengths_of_runs, **changes):
-    """Runs of these episode lengths whose weights change by 1 a step."""
-    made = []
-    for seed, lengths in enumerate(lengths_of_runs):
-        steps = np.zeros((sum(lengths), len(STEP_COLUMNS)))
-        steps[:, STEP_COLUMNS.index("change")] = 1
-        settings = Settings(episodes=20, **changes)
-        made.append(Run(settings, seed, steps, np.array(lengths), np.ones(len(lengths), dtype=bool), 0))
-    return made
-
-
-RANDOM = runs([[200] * 20, [220] * 20, [180] * 20], controller="random")
-
-
-def learner(early, late):
-    return runs([[early + seed] * 10 + [late + seed] * 10 for seed in range(3)])
-
-
-@pytest.mark.parametrize(
-    ("early", "late", "verdict"),
-    [
-        (150, 50, "well below"),
-        (200, 149, "well below"),
-        (200, 152, "below"),
-        (100, 90, "below"),
-        (100, 100, "not below"),
-        (300, 250, "not below"),  # better than at first, but no better than chance
-    ],
-)
-def test_the_verdict_follows_from_both_comparisons(early, late, verdict):
-    assert Headline(learner(early, late), RANDOM).verdict == verdict
-
-
-def test_the_headline_is_what_the_runs_say():
-    h = Headline(learner(150, 50), RANDOM)
-    assert (h.first.value, h.last.value, h.random.value) == (151, 51, 200)
-    assert h.of_first.value == pytest.approx(51 / 151)
-    assert h.of_random.value == pytest.approx(51 / 200)
-    assert (h.reached, h.total, h.diverged) == (60, 60, 0)
-    assert h.change_fall == pytest.approx(51 / 151)
-
-
-def test_a_run_that_diverged_counts_against_the_agent():
-    lost, *good = learner(150, 50)
-    lost = Run(lost.settings, lost.seed, lost.steps[:150], lost.lengths[:1], lost.reached[:1], diverged=2)
-    h = Headline([lost, *good], RANDOM)
-    assert (h.diverged, h.reached, h.total, h.verdict) == (1, 41, 60, "not below")
-    assert all("nan" not in text for text in report.numbers(h).values())
 
 
 def test_plain_text_becomes_latex():
@@ -157,26 +101,3 @@ def test_links_of_the_report_lead_to_files_and_from_each_caption_to_code_and_dat
     assert not re.search(rb"/S\s*/(Launch|GoToR)", objects)
     assert set(re.findall(rb"/D\s*\(made:([\w-]+)\)", objects)) == {name.encode() for name in where.reported()}
     assert {*re.findall(rb"/D\s*\((made:[\w-]+)\)", objects)} <= {*re.findall(rb"\((made:[\w-]+)\)\s*\d+ 0 R", objects)}
-
-
-@pytest.mark.skipif(not (shutil.which("kpsewhich") and shutil.which("make")), reason="needs LaTeX and make")
-def test_a_users_own_latex_is_not_in_what_make_typesets(tmp_path):
-    for own in ("texmf/tex/latex", "inputs"):
-        (tmp_path / own).mkdir(parents=True)
-        (tmp_path / own / "caption.sty").touch()
-    hostile = {"HOME": str(tmp_path), "TEXMFHOME": f"{tmp_path}/texmf", "TEXINPUTS": f"{tmp_path}/inputs:"}
-    look = ["make", "--eval=found: ; @kpsewhich caption.sty", "found"]
-    shutil.copy(ROOT / "Makefile", tmp_path)
-    # Not as a part of the make that runs the tests, which would name the folder.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    environment |= hostile
-    found = subprocess.run(look, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True).stdout
-    assert found.strip().endswith("caption.sty")
-    assert str(tmp_path) not in found
-
-
-@pytest.mark.skipif(not (shutil.which("git") and (ROOT / ".git").exists()), reason="needs a clone")
-def test_in_every_checkout_text_has_the_ends_of_lines_that_sh_and_make_read():
-    listing = ["git", "-c", "safe.directory=*", "ls-files", "--eol"]
-    listed = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    assert [line for line in listed.splitlines() if "attr/-text" not in line or "crlf" in line] == []

@@ -226,6 +226,13 @@ def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsew
     assert np.hypot(*(after[3] - elsewhere[:2])) < 0.07 < np.hypot(*(after[2] - elsewhere[:2]))
 
 
+def test_a_name_that_is_neither_a_column_nor_a_setting_selects_no_rows():
+    table = pd.DataFrame({"seed": [1, 2], "kind": [0.0, 1.0]})
+    assert studies.rows(table, kind=1, room="attic").seed.tolist() == [2]  # a setting that does not vary
+    with pytest.raises(ValueError, match=r"nor a setting: rom$"):
+        studies.rows(table, kind=1, rom="attic")
+
+
 def test_starts_cover_the_room_where_the_robot_fits():
     with HomingEnv(SMALL) as env:
         starts = list(measures.starts_everywhere(env))

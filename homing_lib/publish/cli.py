@@ -194,7 +194,6 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
         raise click.UsageError("--cluster: the address is empty; give that of a scheduler, or leave the option out.")
     if names and stamp:
         raise click.UsageError("--stamp is of all data: not together with a NAME.")
-    needs_clone()
     for study, done in sweep.compute(names, workers=workers, cluster=cluster, force=force):
         if names:
             print(f"{study.name}: {done} runs computed, {len(study)} stored", flush=True)
@@ -221,14 +220,10 @@ def studies() -> None:
 @homing.command()
 def verify() -> None:
     """Repeat a stored run live and compare it to the bit."""
-    from homing_lib.atlas import camera_available
+    from homing_lib.atlas import require_camera
     from homing_lib.study import studies, sweep
 
-    if not camera_available():
-        raise UserError(
-            "the stored run was rendered by PyBullet, which is not installed: `pip install pybullet` builds it (some "
-            "minutes where there is no wheel, and a C++ compiler)"
-        )
+    require_camera("the stored run, whose views were rendered,")
     print(sweep.verify(studies.HEADLINE))
 
 
@@ -323,19 +318,13 @@ def site() -> None:
 @homing.command()
 def lectures() -> None:
     """Two lectures on slides, and their notes: runs `make lectures`, which needs LaTeX."""
-    needs_clone()
+    from homing_lib.study.runs import require_clone
+
+    require_clone()
     if not (make := shutil.which("make")):
         raise UserError("lectures: they are built by make, which is not installed")
     if subprocess.run([make, "-C", ROOT, "lectures"], check=False).returncode:
         raise UserError("lectures: `make lectures` failed; see above")
-
-
-def needs_clone() -> None:
-    """Refuse where there is no clone of the repository, so that nothing is computed or built elsewhere."""
-    from homing_lib.study.runs import missing
-
-    if not (makefile := ROOT / "Makefile").exists():
-        raise missing(makefile, "missing, so this is no whole clone; restore it with git, or clone the repository")
 
 
 def print_paths(paths: Iterable[Path]) -> None:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from tqdm import tqdm
 
 from homing_lib.agent import STEP_COLUMNS, Run, run
-from homing_lib.atlas import camera_available
+from homing_lib.atlas import require_camera
 from homing_lib.environment import draw
 from homing_lib.errors import UserError
 from homing_lib.publish.parts import picture
@@ -50,11 +50,7 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     A stored run of the headline is taken as it is, any other is run first. The robot's views are rendered from the
     poses that the run has kept. Raises UserError in one line for what cannot be.
     """
-    if not camera_available():
-        raise UserError(
-            "a film is rendered, and needs PyBullet, which is not installed: `pip install pybullet` builds it (some "
-            "minutes where there is no wheel, and a C++ compiler)"
-        )
+    require_camera("a film is rendered, and")
     from homing_lib.arena import Arena
 
     number = settings.episodes if episode is None else episode

@@ -194,7 +194,8 @@ def _draw_ends(axes: Axes, room: Room, diameter_m: float = 0.07) -> None:
 
 def _draw_walls(axes: Axes, room: Room) -> None:
     """The walls around the room in their colours, and the pictures on them."""
-    (width, depth), thick = room.size, 0.035
+    width, depth = room.size
+    thick = 0.035
     sides = {
         "east": (width, 0, thick, depth),
         "west": (-thick, 0, thick, depth),
@@ -214,7 +215,8 @@ def _draw_walls(axes: Axes, room: Room) -> None:
 def in_sight(pose: Pose, room: Room, settings: Settings) -> Array:
     """Corners of the floor that the camera sees, shape (122, 2): itself, then where each ray of 121 is stopped."""
     eye = np.array(_ahead(pose, settings.camera_offset_m))
-    half, rays = radians(settings.field_of_view_deg) / 2, 121
+    half = radians(settings.field_of_view_deg) / 2
+    rays = 121
     angle = pose.heading + np.linspace(-half, half, rays)
     reach = np.linspace(0, float(np.hypot(*room.size)), 1500)
     x, y = (eye[:, None, None] + np.stack([np.cos(angle), np.sin(angle)])[:, :, None] * reach).round(9)

@@ -142,8 +142,14 @@ def seeds_of(seeds: Any) -> Sequence[int]:
 
 
 def in_clone() -> bool:
-    """Whether `ROOT` is a clone of the repository, though perhaps without its data, and not just any folder."""
-    return (ROOT / "homing_lib").is_dir()
+    """Whether `ROOT` is a clone of the repository, though perhaps without its data; the lab as handed out is none."""
+    return (ROOT / "Makefile").is_file()
+
+
+def require_clone() -> None:
+    """Raises UserError where there is no clone of the repository, so that nothing is computed or built elsewhere."""
+    if not in_clone():
+        raise missing(ROOT / "Makefile", "")
 
 
 def missing(path: Path, remedy: str) -> UserError:

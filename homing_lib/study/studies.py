@@ -81,10 +81,15 @@ def labelled(conditions: Iterable[Settings]) -> dict[str, Settings]:
 
 
 def rows(table: Any, like: Settings | None = None, **values: Any) -> Any:
-    """Rows of a study's table with the settings of `like`, and with these values, seeds in order. What does not vary
-    among the conditions of a study is no column, and holds.
+    """Rows of a study's table with the settings of `like`, and with these values, seeds in order.
+
+    A setting that does not vary among the conditions of a study is no column, and holds. Raises ValueError for a name
+    that is neither a column nor a setting, and where there are no such rows.
     """
-    wanted = {name: value for name, value in ({**dict(like or {}), **values}).items() if name in table}
+    asked = {**dict(like or {}), **values}
+    if unknown := asked.keys() - {*table} - {*Settings.model_fields}:
+        raise ValueError(f"neither a column nor a setting: {', '.join(sorted(unknown))}")
+    wanted = {name: value for name, value in asked.items() if name in table}
     for name, value in wanted.items():
         table = table[table[name] == value]
     if table.empty:

@@ -39,8 +39,7 @@ def compute(
     Runs that several studies ask for are computed once. workers, cluster: see `parallel.results`; force: all runs of
     these studies are computed from scratch. Raises UserError outside a clone, and for a name that no study has.
     """
-    if not runs.in_clone():
-        raise runs.missing(runs.DATA, "")
+    runs.require_clone()
     _require_known(names)
     left, anew = set(names), set[Path]()
     for study in studies.in_order():
