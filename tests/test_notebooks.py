@@ -21,10 +21,9 @@ figure = charts.passing_shares({"some": 0.1})
 figures.save(figure, figures_dir, "bar")
 """
 PLAYS = """
-from homing_lib.publish import charts, figures
+from homing_lib.publish import charts
 from homing_lib.teach import widgets
-figure = widgets.play(lambda lambda_: charts.passing_shares({"some": lambda_}), lambda_=0.1)
-figures.save(figure, figures_dir, "played")
+widgets.play(lambda lambda_: charts.passing_shares({"some": lambda_}), lambda_=0.1)
 """
 STORED = 'from homing_lib.publish import figures\nfigures.stored("fig1-home-view")'
 ANOTHERS = "open('../figures/other.pdf', 'w').close()"
@@ -141,7 +140,7 @@ def test_figures_are_shown_where_they_are_drawn_and_written_where_it_is_told(wri
     quick = tmp_path / "quick"
     copy, *drawn = notebooks.execute(str(source), "quick", output_dir=quick, figures_dir=quick / "figures")
     assert copy == quick / "tiny.ipynb"
-    assert drawn == [quick / "figures" / f"{name}.{kind}" for name in ("bar", "played") for kind in ("pdf", "png")]
+    assert drawn == [quick / "figures" / f"bar.{kind}" for kind in ("pdf", "png")]
     assert not (source.parent / "executed").exists()
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["other.pdf"]
     assert str(tmp_path) not in copy.read_text(encoding="utf-8")

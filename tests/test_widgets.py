@@ -22,7 +22,7 @@ def display(monkeypatch):
 def test_each_control_draws_the_figure_anew_with_the_values_of_all(display):
     first, draw = Figure(), Mock()
     draw.return_value = first
-    assert widgets.play(draw, rule="fixed", lambda_=0.5, step_size=0.3) is first
+    assert widgets.play(draw, rule="fixed", lambda_=0.5, step_size=0.3) is None  # what a cell ends with is shown again
     draw.assert_called_once_with(rule="fixed", lambda_=0.5, step_size=0.3)
     (box,), (below,) = (call.args for call in display.call_args_list)
     assert below is first

@@ -160,7 +160,8 @@ class Renderer(IPythonRenderer):
 def mathml(latex: str, display: str) -> str:
     """A formula; its bars are as high as the letters between them, and as near on either side."""
     bar = r"<mo[^>]*>(\||∥|&#x0007C;|&#x02016;|&#x02225;)</mo>"
-    return re.sub(bar, r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', convert(latex, display=display))
+    known = latex.replace("{aligned}", "{split}")  # the same within a formula, and the one that is converted
+    return re.sub(bar, r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', convert(known, display=display))
 
 
 def rendered(leads: Callable[[str], str], markdown: str) -> str:

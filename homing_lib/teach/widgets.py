@@ -28,10 +28,11 @@ RULES = {
 """What `rule` may be, and what it is called."""
 
 
-def play(draw: Callable[..., Figure], **start: Any) -> Figure:
-    """A figure, and controls that draw it anew.
+def play(draw: Callable[..., Figure], **start: Any) -> None:
+    """Show a figure, and controls that draw it anew.
 
-    draw takes `rule`, `lambda_`, `step_size` or some of them; start: their first values. Returns the first figure.
+    draw takes `rule`, `lambda_`, `step_size` or some of them; start: their first values. Nothing is returned, since a
+    notebook would show that as well.
     """
     controls = {name: control(name, value) for name, value in start.items()}
     figure = draw(**start)
@@ -46,7 +47,6 @@ def play(draw: Callable[..., Figure], **start: Any) -> Figure:
 
     for each in controls.values():
         each.observe(redraw, "value")
-    return figure
 
 
 def control(name: str, value: Any) -> Any:
