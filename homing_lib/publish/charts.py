@@ -149,7 +149,7 @@ def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, s
     return figure
 
 
-LEARNERS = {"form 2": "form2", "fixed λ": "fixed", "standard": "standard", "standard,\nhome masked": "masked"}
+LEARNERS = {"form 2": "form2", "fixed λ": "fixed", "standard": "standard", "standard,\nhome\nmasked": "masked"}
 
 
 @styled
@@ -158,7 +158,7 @@ def matrix(finding: Finding, rooms: Sequence[str]) -> Figure:
     fewest of each row are bold.
     """
     suits = {"as declared": "declared"} | {name.replace("\n", " "): key for name, key in LEARNERS.items()}
-    figure, grid = panels(0.75 + 0.3 * len(suits), len(rooms), sharey=True)
+    figure, grid = panels(0.9 + 0.3 * len(suits), len(rooms), sharey=True)
     steps = np.array(
         [
             [[finding[f"matrix.{room}.{row}.{key}.steps"].value for key in LEARNERS.values()] for row in suits.values()]
