@@ -29,17 +29,18 @@ from homing_lib.study.studies import load_questions
 
 FILE = DATA / "findings.json"
 
-HOW = """**How it is judged.** Choices are made on seeds below 100. Step sizes and the best fixed lambda: all
-candidates drive with seeds 0 to 19, the best two with 20 to 99, and these decide, by total steps with each episode cut
-at 500. What is judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones
-its mean of the last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means,
-those of late steps of interquartile means, which tell of the typical robot. A robot is *lost* if it diverged or takes,
-in its last five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of
-9,999 bootstrap samples, in which a seed brings all that it has done; of k comparisons that are judged together each is
-that of 1 - .05/k. *The same*: the whole interval lies between 1/1.1 and 1.1 (of shares: within two points); else
-*fewer* or *more*, if it leaves out 1 (of shares: 0); else *undecided*: these robots do not settle it. A star marks what
-is judged together. Beside what is undecided stands what it could have found, a ratio or a difference just large enough
-that 80 of 100 such studies would not be undecided."""
+HOW = """**How it is judged.** Choices are made on seeds below 100. Step sizes and the best fixed lambda: all candidates
+drive with seeds 0 to 19, the best two with 20 to 99, and these decide, by total steps with each episode cut at 500.
+What is judged runs on seeds from 10000 on. *Total* steps are those of a robot's twenty episodes, *late* ones its mean
+of the last five; an episode that a diverged robot did not reach counts as the step cap. Ratios are of means, those of
+late steps of interquartile means, which tell of the typical robot. A robot is *lost* if it diverged or takes, in its
+last five episodes, more steps than random actions do in its room. Intervals are 95 % percentile intervals of 9,999
+bootstrap samples, in which a seed brings all that it has done (what robots of other seeds take, as chance, enters as a
+known mean); of k comparisons that are judged together each is that of 1 - .05/k. *The same*: the whole interval lies
+between 1/1.1 and 1.1 (of shares: within two points); else *fewer* or *more*, if it leaves out 1 (of shares: 0); else
+*undecided*: these robots do not settle it. A star marks what is judged together. Beside what is judged and undecided
+stands what it could have found, a ratio or a difference just large enough that 80 of 100 such studies would not be
+undecided."""
 
 
 class Comparison(NamedTuple):
