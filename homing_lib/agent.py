@@ -21,7 +21,7 @@ from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import AnyRule, LambdaRule, lambda_spec, name_of
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa, silent
-from homing_lib.settings import Settings
+from homing_lib.settings import CONTROLLERS, Settings
 from homing_lib.survey import survey
 
 STEP_COLUMNS = (
@@ -163,6 +163,12 @@ class ClimbingAgent(RandomAgent):
 
 AGENTS: dict[str, AgentFactory] = {"sarsa": SarsaAgent, "random": RandomAgent, "climb": ClimbingAgent}
 """Those that settings know by name: their `controller`."""
+
+
+def register(name: str, factory: AgentFactory) -> None:
+    """Let settings know a further agent by name. Processes know it too if they import the file that calls this."""
+    AGENTS[name] = factory
+    CONTROLLERS.append(name)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,16 @@ from homing_lib.policy import Mixture, decrease_rate
 from homing_lib.rooms import room_named
 from homing_lib.sarsa import Update
 
+CONTROLLERS = ["sarsa", "random", "climb"]  # and others, if `agent.register` has been told of them
+
+
+def _known(controller: str) -> str:
+    if controller not in CONTROLLERS:
+        raise ValueError(f"must be one of {', '.join(CONTROLLERS)}{nearest(controller, CONTROLLERS)}")
+    return controller
+
+
+_Controller = Annotated[str, AfterValidator(_known)]
 _Rule = Annotated[str, BeforeValidator(lambda text: str(rule_named(text)))]
 _Room = Annotated[str, AfterValidator(lambda name: room_named(name).name)]
 
@@ -117,7 +127,7 @@ class Settings(BaseModel):
     # --- Experiment ------------------------------------------------------------------------------------------------
     room: _Room = _survey("paper", "Section IV: the room of 1.15 m x 1 m; in others the findings are tested")
     start: Literal["room", "uniform"] = _added("room", "Section IV: the room's; or drawn anew from all free poses")
-    controller: Literal["sarsa", "random", "climb"] = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
+    controller: _Controller = _field("sarsa", "Fig. 2, or what it is measured against", "sarsa")
     images: Literal["camera", "atlas", "compact"] = _survey(
         "camera",
         "Declared: rendered at every step, looked up on a lattice, or on the coarser one that ships with the library",

@@ -115,6 +115,7 @@ def browser(chromium: "Browser") -> Iterator["Browser"]:
 
 
 _OTHER = {"lambda_rule": "fixed:0.5", "room": "attic", "atlas_heading_deg": 20, "snapshots": 3, "clear_way_m": 0.01}
+_OTHER |= {"controller": "random"}
 
 
 def other_value(name: str) -> Any:

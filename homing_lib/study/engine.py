@@ -29,6 +29,7 @@ from homing_lib.robot import FRONT_SENSORS, Robot
 from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
+from homing_lib.study import methods  # noqa: F401, so that settings know them by name
 from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, RestoredAgent
 from homing_lib.survey import survey
