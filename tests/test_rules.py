@@ -119,10 +119,11 @@ def test_the_table_says_whether_other_step_sizes_might_be_better_and_when_none_m
 
 
 @pytest.mark.parametrize(("agents", "seeds"), [({}, rules.THOUSAND), ({"mine": Forwards}, rules.HUNDRED)])
-def test_a_thousand_robots_are_compared_where_all_can_be_compiled_else_a_hundred(agents, seeds, driven):
+def test_a_thousand_robots_are_compared_where_all_compile_else_a_hundred_and_it_says_why(agents, seeds, driven, capfd):
     seen = driven(lambda *_: 10)
     rules.compare(FORM_2, agents=agents)
     assert sorted({seed for seed, _ in seen}) == [*seeds]
+    assert ("not compiled: mine\n" in capfd.readouterr().err) == bool(agents)
 
 
 # What is said of them

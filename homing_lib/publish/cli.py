@@ -277,7 +277,7 @@ def where(figure: str) -> None:
 @click.option("--output-dir", type=Path, help="Of the copy; by default executed/ beside it.")
 @click.option("--figures-dir", type=Path, help="By default figures/.")
 def notebook(name: str, profile: str, output_dir: Path | None, figures_dir: Path | None) -> None:
-    """Execute a notebook and list what it wrote."""
+    """Execute a notebook, by its name or its path, and list what it wrote."""
     from homing_lib.publish import notebooks
 
     print_paths(notebooks.execute(name, profile, output_dir, figures_dir))

@@ -32,8 +32,15 @@ def summary() -> str:
 
 def judged(names: Sequence[str] = ()) -> str:
     """Questions and claims, by their names or all: verdict, predicate and every number, as plain text."""
-    each = [findings.as_text(findings.finding(name)) for name in names or findings.stored()]
+    each = [f"{findings.as_text(findings.finding(name))}\n{_from(name)}" for name in names or findings.stored()]
     return "\n\n".join([_paragraphs([findings.HOW]), *each])
+
+
+def _from(name: str) -> str:
+    """Where a finding is judged, and from which tables."""
+    asked = findings.questions()[name]
+    tables = ", ".join(where.stored_in(study) for study in asked.made_studies)
+    return f"  Judged in {where.file_of(asked.judge)}" + (f" from {tables}" if tables else "")
 
 
 def misprints(names: Sequence[str] = ()) -> str:

@@ -4,6 +4,7 @@ A lesson's tool, quick on the compact atlas. Which step size suits a learner dep
 several, and each drives with its own best, chosen on seeds on which it is not judged.
 """
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from tqdm import tqdm
 
 from homing_lib.agent import AgentFactory
 from homing_lib.errors import UserError, misfit, shown
@@ -154,7 +156,10 @@ def compare(
     settings, agents = settings or Settings(images="compact"), agents or {}
     driven = _learners(rules, agents)
     if seeds is None:
-        seeds = THOUSAND if all(map(compiles, driven.values())) else HUNDRED
+        slow = [label for label, one in driven.items() if not compiles(one)]
+        seeds = HUNDRED if slow else THOUSAND
+        if slow:
+            tqdm.write(f"homing: a hundred robots, not a thousand: not compiled: {', '.join(slow)}", file=sys.stderr)
     seeds, choose, sizes = seeds_of(seeds), seeds_of(choose), _sizes(step_sizes)
     if len(seeds) < 2:
         raise UserError(f"seeds = {shown(seeds)}: {_TOO_FEW}")
