@@ -106,10 +106,11 @@ typeset = latexmk -norc -cd -g -pdf -interaction=nonstopmode -halt-on-error $(2)
 	  { grep -A 5 '^!' $(1).log || tail $(1).pdf.log; exit 1; } >&2
 
 paper: .build/report ## the report, paper/report.pdf
-.build/report: paper/report.tex .build/numbers $(EXECUTED)
+.build/report: paper/report.tex paper/references.bib .build/numbers $(EXECUTED)
 	@paper/install-tex.sh
 	@mkdir -p .build/paper
 	$(call typeset,.build/paper/report,-outdir=../.build/paper)
+	@! grep -E '^Overfull|undefined|^Half-empty' .build/paper/report.log >&2
 	@cp .build/paper/report.pdf paper/report.pdf
 	@cksum paper/report.pdf > $@
 

@@ -159,7 +159,10 @@ def test_nothing_rests_on_what_was_not_found_and_flipping_any_verdict_names_the_
         assert [line.partition(f": rests on {key} = {words[key]!r}, found 'not ")[0] for line in named] == resting
 
 
-JUDGES = re.compile(r"\b(takes (?:fewer|more) steps|helps|(?<!home )is worth|brings (?:it|the robot) home)\b")
+JUDGES = re.compile(
+    r"\b(takes? (?:fewer|more|the same) steps|helps|(?<!home )is worth|brings (?:it|the robot) home|does not learn|pays"
+    r"|(?:is|are|was) (?:ahead|behind|better|worse|faster|slower|undecided)|told apart|does as well)\b"
+)
 """Words of judgement, in what is no question."""
 
 
@@ -192,3 +195,52 @@ def test_no_paragraph_of_the_repository_judges_without_a_pin():
     assert [(where, found) for where, text in told() for found in judging(text)] == [
         ("here", "Does it? Learning is worth it.")
     ]
+
+
+NO_PROSE = re.compile(
+    r"```.*?```|`[^`]*`|<!--n .*?<!--/n-->|<!--.*?-->|\$\$.*?\$\$|\$[^$]*\$|\]\([^)]*\)|https?:\S+|\d+\.\d{4}/\S+"
+    r"|\{@\{[^\n]*|(?<!\\)%[^\n]*|\\begin{(equation|tabbing|align)}.*?\\end{\1}"
+    r"|\\(?!emph|paragraph|textbf|drawn)[a-zA-Z]+(\[[^]]*\])?(\{[^{}]*\})+",
+    re.DOTALL,
+)
+NUMBER = r"(?<![\w.,(\\])(?:\d[\d,]*(?:\.\d+)?|\.\d+)"
+RESULT = re.compile(
+    rf"{NUMBER}(?:[~\s]|\\,)*(?:\\?%|per cent|(?:times|steps|trials|m|degrees)\b)"
+    r"|\[\d*\.?\d+, ?\d*\.?\d+\]|(?<![\w.,(\\])\d*\.\d\d+"
+)
+"""What a typed result looks like: steps, times, shares, distances, intervals, two decimals."""
+NO_RESULT = re.compile(
+    r"95(\\,|\s)*\\?%|(2,?000|600|500|300) steps|\[0, ?1\]"  # width of intervals; caps; where lambda lies
+    r"|(10|20|45) degrees|(2|3|70)(\\,|\s)*\\?%(?=\s+(the|of))"  # lattice, home; what a study sets
+    r"|\.904|\.908|0?\.25|0?\.95|\.75|3\.1[123]|\d\.\d+ m( by| x|, with|\)|\n)"  # printed; lambdas and psi of a task; Python; rooms
+)
+
+
+def typed(text):
+    """What looks like a result in the prose of a text, and comes from no macro and no mark."""
+    plain = NO_PROSE.sub(" ", text)
+    return [
+        plain[max(0, one.start() - 40) : one.end() + 20]
+        for one in RESULT.finditer(plain)
+        if not NO_RESULT.match(plain, one.start())
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("It takes 123 steps.", 1),
+        (r"It takes 1.13 [1.09, 1.17] times the steps, .86 of them, and 7\,\% are lost.", 4),
+        ("It takes <!--n learns.random|v0-->371<!--/n--> steps.", 0),
+        (
+            r"It takes \num{learns.random|v0} steps, at $\lambda = .95$, in trials of 2,000 steps with 95\,\% intervals.",
+            0,
+        ),
+    ],
+)
+def test_a_typed_result_is_found(text, count):
+    assert len(typed(text)) == count
+
+
+def test_no_result_is_typed_in_the_repository():
+    assert [(where, found) for where, text in told() for found in typed(text)] == []

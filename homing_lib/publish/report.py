@@ -66,20 +66,19 @@ def latex() -> str:
         is_claim: [row(one.name, one.question.text, one.verdict) for one in stored if one.question.is_claim == is_claim]
         for is_claim in (True, False)
     }
-    table_one, others = tables_of_settings()
     figures = where.reported()
     tables = {
         "tableClaims": verdicts[True],
         "tableQuestions": verdicts[False],
-        "tableErrata": map(_erratum, errata.ERRATA),
-        "tableOne": table_one,
-        "tableSettings": others,
+        "tableErrata": [_erratum(one) for one in errata.ERRATA if errata.effect(one)],
+        "tableOne": table_one(),
         "tableFigures": [_figure(name, one) for name, one in figures.items()],
     }
     macros = numbers(headline.stored()) | {name: "\n".join(rows) for name, rows in tables.items()}
     named = {f"num:{name}": text for name, text in prose.macros().items()}
     named |= {f"found:{one.name}": tex(one.verdict) for one in stored}
     named |= {f"made:{name}": _made(one) for name, one in figures.items()}
+    named |= {f"alt:{name}": _as_pdf_text(where.in_words(one.function)) for name, one in figures.items()}
     return "\n".join(
         [
             *(f"\\newcommand{{\\{name}}}{{{value}}}" for name, value in macros.items()),
@@ -110,6 +109,11 @@ def _made(figure: where.Drawn) -> str:
     names = [study.name for study in figure.studies]
     data = ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
     return escaped(f"{figure.notebook.stem}, data {data}" if names else figure.notebook.stem)
+
+
+def _as_pdf_text(text: str) -> str:
+    """A text in the hexadecimal digits in which a PDF has it."""
+    return f"\ufeff{text}".encode("utf-16-be").hex()
 
 
 def _file(path: str, text: str) -> str:
@@ -163,12 +167,9 @@ def numbers(h: Headline) -> dict[str, str]:
     return {name: tex(text) for name, text in texts.items()}
 
 
-def tables_of_settings() -> tuple[list[str], list[str]]:
-    """Rows of Table I, the settings described as "Table I, SYMBOL: ...": symbol, printed, ours, what it is.
-
-    Then those of every other setting: name, printed, ours, source.
-    """
-    s, table_one, others = Settings(), [], []
+def table_one() -> list[str]:
+    """Rows of Table I, the settings described as "Table I, SYMBOL: ...": symbol, printed, ours, what it is."""
+    s, rows = Settings(), []
     psi = stopping_thresholds(s.multiplier)
     ours = {
         "first_episode_share": f"{s.first_episode_share:g} EP = {s.first_episode:g}",
@@ -179,13 +180,11 @@ def tables_of_settings() -> tuple[list[str], list[str]]:
         printed = _shown(extra.get("printed") or "") if isinstance(extra, dict) else ""
         if match := re.fullmatch(r"Table I, (\w+)[^:]*(?:: (.*))?", described):
             symbol, text = tex(match[1]), match[2] or "reward discount"
-            table_one.append(row(symbol, printed, ours.get(name, _shown(field.default)), text))
+            rows.append(row(symbol, printed, ours.get(name, _shown(field.default)), text))
         elif described.startswith("Eq. (19)"):
             text = "multipliers and stopping thresholds (eq. 19)"
-            table_one.append(row(tex("psi_upper, psi_lower"), printed, ours[name], text))
-        else:
-            others.append(row(f"\\setting{{{escaped(name)}}}", printed, _shown(field.default), described))
-    return table_one, others
+            rows.append(row(tex("psi_upper, psi_lower"), printed, ours[name], text))
+    return rows
 
 
 def _shown(value: object) -> str:

@@ -6,7 +6,6 @@ cell, that nbconvert puts into the template notebooks/site/; its mathematics bec
 """
 
 import ast
-import inspect
 import os
 import re
 import shutil
@@ -26,7 +25,7 @@ from traitlets.config import Config
 import homing_lib
 from homing_lib.publish import demo, report
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
-from homing_lib.publish.where import draws, imports, looked_up
+from homing_lib.publish.where import draws, imports, in_words, looked_up
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import errata, findings
@@ -199,14 +198,6 @@ def describe(notebook: Notebook) -> None:
         named = [looked_up(node, functions) for node in ast.walk(ast.parse(cell.source)) if isinstance(node, ast.expr)]
         drawings = [in_words(function) for function in named if draws(function)]
         cell.metadata.alt = " ".join([f"Figure, “{section}”:", *drawings])
-
-
-def in_words(function: Any) -> str:
-    """What a function draws: the first sentence of its docstring, without what that says of arguments."""
-    (source,) = ast.parse(inspect.getsource(inspect.unwrap(function))).body  # `python -OO` has no docstrings
-    docstring = ast.get_docstring(source) if isinstance(source, ast.FunctionDef) else ""
-    drawn = re.sub(r"^The paper's Fig\. \d: ", "", docstring or "")
-    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", drawn)[0] + "."
 
 
 # --- Pages of our own ------------------------------------------------------------------------------------------------

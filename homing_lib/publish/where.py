@@ -198,3 +198,11 @@ def looked_up(node: ast.expr, imported: dict[str, Any]) -> Any:
 def draws(function: Any) -> bool:
     """Whether it returns a figure."""
     return getattr(function, "__annotations__", {}).get("return") in (Figure, "Figure")
+
+
+def in_words(function: Any) -> str:
+    """What a function draws: the first sentence of its docstring, without what that says of arguments."""
+    (source,) = ast.parse(inspect.getsource(inspect.unwrap(function))).body  # `python -OO` has no docstrings
+    docstring = ast.get_docstring(source) if isinstance(source, ast.FunctionDef) else ""
+    drawn = re.sub(r"^The paper's Fig\. \d: ", "", docstring or "")
+    return re.split(r"(?<!eq)\. |; |,? shape |\.?\n|\.$", drawn)[0] + "."
