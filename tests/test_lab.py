@@ -3,6 +3,7 @@
 import re
 import sys
 from functools import partial
+from itertools import count
 
 import nbformat
 import numpy as np
@@ -22,6 +23,7 @@ def robots(steps, spread=0.1, seed=1):
     return steps * np.random.default_rng(seed).uniform(1 - spread, 1 + spread, (20, 1)) * np.ones((1, 5))
 
 
+LUCK = np.random.default_rng(0)
 DRIVEN = Rules(
     {"my rule": robots(40), "fixed 0": robots(60), "form 2": robots(40, 0.9, 3), "gate": robots(25)}
     | {"the climb": robots(41)}
@@ -39,7 +41,9 @@ def words(*said, **steps):
 
 
 def against(fixed_0="better", form_2="tie", gate="worse", climb="tie"):
-    return {"fixed 0": fixed_0, "form 2": form_2, "gate": gate, "the climb": climb}, DRIVEN
+    """What a student says after ten robots, and after all of them: here they show the same."""
+    said = {"fixed 0": fixed_0, "form 2": form_2, "gate": gate, "the climb": climb}
+    return said, said, DRIVEN
 
 
 def guards(*answers):
@@ -48,7 +52,7 @@ def guards(*answers):
 
 # --- The usual mistakes ----------------------------------------------------------------------------------------------
 
-TASKS = dict(zip(lab.HINTS, lab.TASKS, strict=True))
+TASKS = dict(zip((task for task in lab.HINTS if task != "robot"), lab.TASKS, strict=True))
 
 
 def in_place(e, phi, lambda_t, gamma):
@@ -60,6 +64,11 @@ def in_place(e, phi, lambda_t, gamma):
 def meddling(*, phi, **_):
     phi *= 2
     return 0.5
+
+
+def a_gate(low=0.5, high=0.9):
+    """A rule with two values."""
+    return lambda *, delta, delta_prev, **_: low if delta * delta_prev < 0 else high
 
 
 def form_1(sign=-1, change=lambda g, g_prev, step: g - g_prev, along="phi", of="trace_prev", gamma=True):
@@ -78,10 +87,15 @@ MISTAKES = {
     "trace.in-place": [in_place],
     "trace.no-gamma": [lambda e, phi, lambda_t, gamma: lambda_t * e + phi],
     "trace.no-lambda": [lambda e, phi, lambda_t, gamma: gamma * e + phi],
+    "trace.shape": [lambda e, phi, lambda_t, gamma: np.outer(gamma * lambda_t * e, phi)],
+    "trace.shape, a column": [lambda e, phi, lambda_t, gamma: (gamma * lambda_t * e + phi).reshape(-1, 1)],
+    "trace.shape, a number": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * e @ phi],
+    "trace.scaled-feature": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * e + lambda_t * phi],
+    "trace.minus": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * e - phi],
     "trace.faded-feature": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * (e + phi)],
     "trace.forgets": [lambda e, phi, lambda_t, gamma: phi],
     "trace.average": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * e + (1 - gamma * lambda_t) * phi],
-    "trace.otherwise": [lambda e, phi, lambda_t, gamma: gamma * lambda_t * e - phi],
+    "trace.otherwise": [lambda e, phi, lambda_t, gamma: e + 2 * phi],
     "share.no-gamma": [lambda lambdas, gamma: np.prod(lambdas)],
     "share.gamma-once": [lambda lambdas, gamma: gamma * np.prod(lambdas)],
     "share.power-of-last": [lambda lambdas, gamma: (gamma * lambdas[-1]) ** len(lambdas)],
@@ -89,14 +103,22 @@ MISTAKES = {
     "share.sum": [lambda lambdas, gamma: gamma * sum(lambdas)],
     "share.no-steps": [lambda lambdas, gamma: np.prod(gamma * lambdas) if len(lambdas) else 0.0],
     "share.otherwise": [lambda lambdas, gamma: np.prod(gamma * lambdas[1:])],
+    "share.otherwise, γ once less": [lambda lambdas, gamma: gamma ** (len(lambdas) - 1) * np.prod(lambdas)],
+    "share.otherwise, an array": [lambda lambdas, gamma: gamma * lambdas],
     "from-beta.no-gamma": [lambda beta, delta, delta_prev, gamma: beta * delta_prev / delta],
     "from-beta.upside-down": [lambda beta, delta, delta_prev, gamma: beta * delta / (gamma * delta_prev)],
     "from-beta.gamma-above": [lambda beta, delta, delta_prev, gamma: beta * gamma * delta_prev / delta],
     "from-beta.beta": [lambda beta, delta, delta_prev, gamma: beta],
+    "from-beta.beta, over γ": [lambda beta, delta, delta_prev, gamma: beta / gamma],
     "from-beta.otherwise": [lambda beta, delta, delta_prev, gamma: -beta * delta_prev / (gamma * delta)],
     "form-1.array": [lambda *, phi, trace_prev, discount, **_: -phi * phi / (discount * trace_prev)],
     "form-1.no-features": [form_1(change=lambda g, g_prev, step: step["delta"] - step["delta_prev"])],
-    "form-1.no-features, which cancels": [
+    "form-1.cancels, of a right Δg": [
+        lambda *, delta, phi, delta_prev, phi_prev, trace_prev, discount: (
+            -(dg := delta * phi - delta_prev * phi_prev) * phi / (discount * dg * trace_prev)
+        )
+    ],
+    "form-1.cancels": [
         lambda *, delta, phi, delta_prev, trace_prev, discount, **_: (
             -(delta - delta_prev) * phi / (discount * (delta - delta_prev) * trace_prev)
         )
@@ -123,6 +145,7 @@ MISTAKES = {
     "reach.nothing": guards(0, 10, 10),
     "reach.last-alone": guards(10, 10, 10),
     "reach.steps": guards(1, 10, len(EPISODE) - 1),
+    "reach.steps, and the end": guards(1, 10, len(EPISODE)),
     "reach.end": guards(1, 10, len(set(EPISODE))),
     "reach.all-states": guards(1, 10, 19),
     "reach.too-few": guards(1, 5, 10),
@@ -136,6 +159,8 @@ MISTAKES = {
     "rule.not-finite": [lambda *, delta, delta_prev, **_: np.divide(delta, delta_prev)],
     "rule.above-1": [lambda *, delta, delta_prev, **_: 2 * min(1, abs(delta * delta_prev))],
     "rule.below-0": [lambda *, delta, delta_prev, **_: min(1, delta * delta_prev)],
+    "rule.constant": [lambda **_: 0.8],
+    "rule.by-chance": [lambda **_: LUCK.random()],
     "read.no-word": against(fixed_0="faster"),
     "read.alike": against(climb="better"),
     "read.chance": against(form_2="better"),
@@ -165,7 +190,7 @@ def test_each_usual_mistake_gets_its_own_hint(mistake):
 
 
 def test_no_hint_is_without_a_mistake_that_gets_it():
-    hints = {f"{task}.{name}" for task, texts in lab.HINTS.items() for name in texts if task != "race"}
+    hints = {f"{task}.{name}" for task, texts in lab.HINTS.items() if task in TASKS for name in texts if task != "race"}
     assert hints == {mistake.partition(",")[0] for mistake in MISTAKES}
 
 
@@ -175,7 +200,10 @@ def test_no_hint_is_without_a_mistake_that_gets_it():
         ("first-reset.late", "before step 7"),
         ("guards.otherwise", "guard 0.8"),
         ("rule.divides", "δ = 0 "),
-        ("read.otherwise", "fixed 0:"),
+        ("trace.shape, a column", "(4, 1)"),
+        ("rule.no-keywords", "`discount`"),
+        ("rule.constant", "0.8"),
+        ("read.otherwise", "fixed 0, 10 robots:"),
         ("drives.than-neither", "the weights learnt alone: 2.18 ["),
         ("drives.together", "both together: 0.20 ["),
     ],
@@ -191,14 +219,24 @@ def test_a_hint_names_what_it_is_about(mistake, what):
     ("undefined", "mean", "reason"),
     [(0.21, 0, "undefined"), (0.2, 0.39, "forgets"), (0.2, 0.96, "never-forgets"), (0.2, 0.4, "otherwise")],
 )
-def test_a_rule_that_loses_the_race_is_behind_and_hears_by_how_much_and_why(undefined, mean, reason, monkeypatch):
+def test_a_rule_that_loses_the_race_is_behind_and_hears_by_how_much_and_why(
+    undefined, mean, reason, monkeypatch, capsys
+):
     errors = {"λ = 0.8": np.ones(3), "the rule": np.full(3, 2.0)}
     monkeypatch.setattr(walk, "race", lambda *_, **__: walk.Race({}, dict.fromkeys(errors, 0.3), errors))
     monkeypatch.setattr(experiments, "lambdas_given", lambda rule, seeds, step_size: (undefined, mean))
-    verdict, message = lab.race.judge(lambda **_: 0.5)[1:]
+    monkeypatch.setattr(lab, "RACES", count(3))
+    verdict, message = lab.race.judge(a_gate())[1:]
     assert verdict == "behind"
+    assert capsys.readouterr().out == "Race no. 3.\n"
     hint = lab.HINTS["race"][reason].format(undefined=undefined, mean=mean)
     assert re.fullmatch(rf".* 2\.00 \[2\.00, 2\.00\] .* α = 0\.3: worse\. {re.escape(hint)}", message)
+
+
+def test_what_is_no_rule_does_not_race_and_hears_why(capsys):
+    for race in (lab.race, lab.practice):
+        assert race.judge(lambda delta, delta_prev: 0.5)[1:] == judged("rule.no-keywords")[1:]
+    assert capsys.readouterr().out == ""
 
 
 # --- The lab as a whole ----------------------------------------------------------------------------------------------
@@ -272,19 +310,89 @@ def test_left_blank_with_a_broken_rule_the_lab_runs_to_its_last_cell_with_a_stan
     assert mine in paragraphs(*(names[name] for name in ("seen", "raced", "compared", "tried")))[5]
 
 
-def test_the_report_has_the_last_outcomes_and_none_that_was_given_before_the_rule_changed(capsys, monkeypatch):
+@pytest.fixture
+def reported(monkeypatch, capsys):
+    """Of 5a, 5b and 6, what the report says; nothing is raced, and nobody drives."""
+    race = walk.Race({}, {"the rule": 0.3}, {"λ = 0.8": np.ones(3), "the rule": np.ones(3)})
     monkeypatch.setattr(checks, "RECORD", {})
+    monkeypatch.setattr(checks, "ABOUT", {})
+    monkeypatch.setattr(walk, "race", lambda *_, **__: race)
+    monkeypatch.setattr(lab.rules, "compare", lambda rules, seeds: Rules(dict.fromkeys(rules, robots(40))))
+    monkeypatch.setattr(experiments, "rivals", lambda seeds: {})
     monkeypatch.setattr(lab, "TASKS", (lab.a_rule, lab.race, lab.read))
-    lab.a_rule(lambda **_: 0.5)
-    for change, proven in ((False, 2), (True, 1), (False, 2)):
-        if change:
-            lab.a_rule(lambda **_: 0.6)
-        else:
-            lab.read(*against())
+
+    def reported():
         capsys.readouterr()
         lab.report()
-        rule, race, read, last = capsys.readouterr().out.splitlines()
-        assert last.startswith(f"{proven} of 3")
-        assert "proven" in rule
-        assert "not run" in race
-        assert ("blank" in read) == change
+        return [re.match(r".*?: (\w+)\. ", line)[1] for line in capsys.readouterr().out.splitlines()[:-1]]
+
+    return reported
+
+
+def test_the_report_counts_no_race_and_no_robots_of_another_rule_than_5a(reported, capsys):
+    def answer(*tasks, rule):
+        for task in tasks:
+            task(*against()) if task is lab.read else task(rule)
+
+    first, second = a_gate(), a_gate(0.4)
+    answer(lab.a_rule, lab.race, lab.robot, lab.read, rule=first)
+    assert reported() == ["proven", "proven", "proven"]
+    answer(lab.a_rule, rule=second)
+    assert reported() == ["proven", "blank", "blank"]
+    answer(lab.race, lab.read, rule=second)  # the robots that are read are still those of the first
+    assert reported() == ["proven", "proven", "blank"]
+    lab.report()
+    assert "`compared = lab.robot(my_rule)`" in capsys.readouterr().out
+    answer(lab.robot, lab.read, rule=second)
+    assert reported() == ["proven", "proven", "proven"]
+    answer(lab.practice, rule=first)
+    assert reported() == ["proven", "proven", "proven"]
+
+
+def test_the_cell_of_5a_run_again_with_the_same_rule_blanks_nothing(reported):
+    cell = "def my_rule(*, delta, delta_prev, **_):\n    return LOW if delta * delta_prev < 0 else 0.9"
+    for low, race in ((0.5, "proven"), (0.6, "blank")):
+        exec(cell, names := {"LOW": 0.5})
+        lab.a_rule(names["my_rule"])
+        lab.race(names["my_rule"])
+        exec(cell, again := {"LOW": low})
+        lab.a_rule(again["my_rule"])
+        assert reported()[1] == race
+
+
+def test_a_stand_in_counts_while_5a_has_no_rule(reported):
+    lab.a_rule(lambda **_: ...)
+    lab.robot(lambda **_: ...)
+    lab.read(*against())
+    assert reported() == ["blank", "blank", "proven"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "slow"), [(a_gate(), False), (lambda *, delta, **_: float(np.clip(delta, 0, 1)), True)]
+)
+def test_a_rule_that_takes_minutes_hears_so_before_it_drives(rule, slow, reported, capsys, monkeypatch):
+    monkeypatch.setattr(lab, "load", lambda: True)
+    monkeypatch.setattr(lab.engine, "compiles", lambda rule: not slow)
+    lab.robot(rule)
+    assert ("np.clip" in capsys.readouterr().out) == slow
+
+
+@pytest.mark.parametrize("word", ["Better", " better ", "BETTER"])
+def test_a_word_counts_in_any_case_and_with_spaces(word):
+    assert lab.read.judge(*against(fixed_0=word)).verdict == "proven"
+
+
+def test_after_ten_robots_and_after_all_other_words_may_be_right():
+    luck = np.r_[robots(80)[:10], robots(10)[:10]]  # the first ten were unlucky
+    driven = Rules({"my rule": robots(50), "fixed 0": luck})
+    assert lab.read.judge({"fixed 0": "better"}, {"fixed 0": "tie"}, driven).verdict == "proven"
+    assert "20 robots" in lab.read.judge({"fixed 0": "better"}, {"fixed 0": "better"}, driven).message
+
+
+def test_in_the_table_of_task_3_whoever_forgets_gamma_predicts_another_step():
+    (cell,) = (cell for cell in handouts.filled({}).cells if cell.id == "errors")
+    seed = int(re.match(r"seed = (\d+)", cell.source)[1])
+    weighted = np.prod(experiments.twelve_steps(seed)[:2], axis=0)
+    ratio = weighted[1:] / weighted[:-1]
+    without_gamma = 2 + int(np.flatnonzero((ratio < 0) | (ratio > 1))[0])
+    assert lab.first_reset.judge(without_gamma, seed).message == lab.HINTS["first-reset"]["no-gamma"]

@@ -59,15 +59,16 @@ class Outcome(NamedTuple):
         return f"{self.title}: **{MARKS[self.verdict]} {self.verdict}.** {''.join(words)}"
 
 
-RECORD: dict[str, Outcome] = {}  # the last outcome of each check by its title, the latest at the end
+RECORD: dict[str, Outcome] = {}  # the last outcome of each check, by its title
+ABOUT: dict[str, Any] = {}  # of those that are proven or behind: what they are about, by their title
 
 
 class Check:
-    """A check with its title. Calling it shows and records what `judge` says."""
+    """A check with its title. Calling it shows and records what `judge` says, and what the answers are about."""
 
-    def __init__(self, title: str, function: Callable[..., str | None]) -> None:
+    def __init__(self, title: str, function: Callable[..., str | None], about: Callable[..., Any]) -> None:
         update_wrapper(self, function)
-        self.title, self._function = title, function
+        self.title, self._function, self._about = title, function, about
 
     @property
     def proves(self) -> str:
@@ -90,15 +91,14 @@ class Check:
         return Outcome(self.title, "proven", f"{self.proves} {remark or ''}".rstrip())
 
     def __call__(self, *answers: Any) -> None:
-        outcome = self.judge(*answers)
-        RECORD.pop(self.title, None)
-        RECORD[self.title] = outcome
+        RECORD[self.title] = outcome = self.judge(*answers)
+        ABOUT[self.title] = self._about(*answers) if outcome.verdict in ("proven", "behind") else None
         display(outcome)  # type: ignore[no-untyped-call]
 
 
-def check(title: str) -> Callable[[Callable[..., str | None]], Check]:
-    """A decorator that makes a function a check."""
-    return lambda function: Check(title, function)
+def check(title: str, about: Callable[..., Any] = lambda *_: None) -> Callable[[Callable[..., str | None]], Check]:
+    """A decorator that makes a function a check. about: of the answers, what they depend on that may change later."""
+    return lambda function: Check(title, function, about)
 
 
 def alike(answer: ArrayLike, right: ArrayLike, tolerance: float = 1e-9) -> bool:

@@ -1,8 +1,10 @@
-"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task."""
+"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task; and its hints."""
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import ceil, log, nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,12 +20,19 @@ from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives
 from homing_lib.study.runs import episode_matrix
 from homing_lib.td import LinearTD
-from homing_lib.teach.checks import SEED
+from homing_lib.teach.checks import SEED, Wrong, alike
 
 STEPS, GAMMA = 12, 0.9  # of task 3
 GUARDS = (0, 0.8, 1)  # of task 4
+FEW = 10  # robots, of which task 6 asks what they would say alone
 HELD_OUT = range(1000, 1020)  # the walks of the race in task 5
 RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
+HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
+
+
+def hint(task: str, mistake: str, **values: Any) -> Wrong:
+    """What to raise at a mistake. values: what fills the braces of its hint."""
+    return Wrong(HINTS[task][mistake].format(**values))
 
 
 @styled
@@ -93,6 +102,43 @@ def lambdas_given(rule: Any, seeds: Sequence[int], step_size: float) -> tuple[fl
     return 1 - len(has) / len(given), float(has.mean()) if len(has) else 0.0
 
 
+def known_by(rule: Any) -> tuple[Any, ...]:
+    """What tells a rule from others: its code, and what it gives at 300 random steps. Raises Wrong for what is none."""
+    given = []
+    try:
+        lambdas.checked(rule)
+    except TypeError:
+        raise hint("rule", "no-keywords") from None
+    rng = np.random.default_rng(SEED)
+    for trial in range(300):
+        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
+        arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
+        before = {name: array.copy() for name, array in arrays.items()}
+        case = f"with δ = {delta:.3g} after {delta_prev:.3g}"
+        try:
+            with np.errstate(all="ignore"):
+                value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
+        except ArithmeticError:
+            raise hint("rule", "divides" if delta_prev else "divides-by-before", case=case) from None
+        for name, array in before.items():
+            if not alike(arrays[name], array):
+                raise hint("rule", "changes", name=name)
+        if np.ndim(value):
+            raise hint("rule", "array")
+        if np.asarray(value).dtype.kind not in "biuf":
+            raise hint("rule", "no-number", kind=type(value).__name__)
+        if not np.isfinite(value):
+            raise hint("rule", "not-finite", value=value, case=case)
+        if not 0 <= value <= 1:
+            raise hint("rule", "below-0" if value < 0 else "above-1", value=value, case=case)
+        if again != value:
+            raise hint("rule", "by-chance", value=value, again=again)
+        given.append(float(value))
+    if len({*given}) == 1:
+        raise hint("rule", "constant", value=given[0])
+    return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
+
+
 @cache
 def rivals(seeds: range) -> Mapping[str, Array]:
     """The steps of those that the student's rule is held against, the same for every rule."""
@@ -109,11 +155,13 @@ def mine_against(compared: rules.Rules) -> dict[str, findings.Comparison]:
 
 
 def without_verdicts(compared: rules.Rules) -> str:
-    """The drivers' total steps, and those of the student's rule as a multiple of each, in Markdown."""
-    mine, ratios = next(iter(compared.steps)), mine_against(compared)
-    rows = [f"| driver | steps of all episodes, mean | steps of {mine}, as a multiple of these |", "|---|---|---|"]
+    """Total steps, and those of the student's rule as a multiple of each, of a few robots and of all, in Markdown."""
+    (mine, steps), *_ = compared.steps.items()
+    few, ratios = mine_against(compared.of_first(FEW)), mine_against(compared)
+    rows = [f"| driver | steps of all episodes, mean | {mine} as a multiple, {FEW} robots | {len(steps):,} robots |"]
+    rows.append("|---|---|---|---|")
     for label, steps in compared.steps.items():
-        ratio = f"{ratios[label]:.2f}" if label in ratios else ""
+        ratio = f"{few[label]:.2f} | {ratios[label]:.2f}" if label in ratios else " | "
         rows.append(f"| {label} | {steps.sum(axis=1).mean():,.0f} | {ratio} |")
     return "\n".join(rows)
 
