@@ -286,7 +286,7 @@ def read(few: Any, all_: Any, compared: rules.Rules) -> str:
             }
             if said != right:
                 raise hint("read", first_of(mistakes), driver=f"{driver}, {robots}", ratio=ratio)
-    return f"Mine is: {', '.join(f'{WORDS[ratio.verdict]} against {driver}' for driver, ratio in ratios.items())}."
+    return f"After {robots}: {', '.join(f'{WORDS[one.verdict]} against {label}' for label, one in ratios.items())}."
 
 
 ALONE = {"the weights learnt alone": "frozen", "the updates alone": "forgetful", "both together": "restored"}
