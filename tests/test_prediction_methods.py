@@ -243,6 +243,7 @@ def test_each_method_of_today_has_the_setting_and_the_step_size_that_walks_below
     raced = walk.race(CANDIDATES[method], range(20), range(20, 100), sizes)
     best = min(raced.errors, key=lambda label: raced.errors[label].mean())
     assert best in walk.TODAY
-    np.testing.assert_equal(raced.step_size[best], walk.TODAY[best][1])  # also NaN, of none
+    for label in raced.step_size.keys() & walk.TODAY.keys():
+        np.testing.assert_equal(raced.step_size[label], walk.TODAY[label][1])  # also NaN, of none
     if method != "HL":
         assert sizes[0] < raced.step_size[best] < sizes[-1]

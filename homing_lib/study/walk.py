@@ -153,6 +153,7 @@ def _method(learner: Callable[..., Any], **settings: Any) -> Method:
 TODAY: dict[str, tuple[AnyRule | Method, float]] = {
     "TD, λ = 0.8": (Fixed(0.8), 0.3),
     "form 1, guard 0.8": ("hestenes-stiefel:on_zero=0.8", 0.4),
+    "form 2, guard 0": ("fletcher-reeves", 0.6),
     "form 2, guard 0.8": ("fletcher-reeves:on_zero=0.8", 0.4),
     "true online TD, λ = 0.8": (_method(TrueOnlineTD, lambda_rule=Fixed(0.8)), 0.4),
     "HL, λ = 1": (Method(lambda _: HL(19, lambda_=1.0, discount=1.0)), nan),

@@ -1,7 +1,7 @@
 """Learners that predict, and set their lambda or their step size themselves: HL(lambda), lambda-greedy, META.
 
-They are used as `td.LinearTD` is, and raced on the random walk (`study.walk.today`). What a step costs is told as a
-multiple of a step of TD(lambda).
+They are used as `td.LinearTD` is, and raced on the random walk (`study.walk.today`). What a step costs is counted in
+operations on vectors, as a multiple of those of TD(lambda).
 """
 
 from math import sqrt
@@ -19,7 +19,7 @@ UNKNOWN = sqrt(np.finfo(float).eps)  # a variance up to this is none yet, as in 
 
 class HL:
     """HL(lambda), which has no step size: Hutter and Legg, Temporal difference updating without a learning rate, NIPS
-    2007. Tabular: phi has a single 1. Costs 1x.
+    2007. Tabular: phi has a single 1. Costs 2x.
 
         E(s_t) += 1,  N(s_t) += 1
         beta(s) = N(s_{t+1}) / (N(s_{t+1}) - gamma E(s_{t+1})) / N(s)
@@ -66,6 +66,7 @@ class _Helped:
         self.lambda_ = 1.0  # of the state that a step leaves
         self.value = TrueOnlineTD(n_features, lambda_rule=self._rule, **self._settings | {"step_size": step_size})
         self.mean = TrueOnlineTD(n_features, lambda_rule=Fixed(1), initial_weight=initial_return, **self._settings)
+        self.learners = [self.value, self.mean]
         self.variance = np.zeros(n_features)
 
     def _rule(self, **_: Any) -> float:
@@ -78,14 +79,19 @@ class _Helped:
 
     def begin_episode(self) -> None:
         """Clear the traces."""
-        self.value.begin_episode()
-        self.mean.begin_episode()
+        for learner in self.learners:
+            learner.begin_episode()
 
-    def _learn_variance(self, delta: float, lambda_ahead: float, here: Array, ahead: Array) -> None:
-        """Var(s_t) += alpha' (delta_t^2 + (gamma lambda)^2 Var(s_{t+1}) - Var(s_t)), of the return with this lambda."""
+    def _learn(self, here: Array, reward: float, ahead: Array, terminal: bool, lambda_ahead: float) -> float:
+        """Whatever is learnt from one step; returns the TD error of the value. Of the return with this lambda,
+
+        Var(s_t) += alpha' (delta_t^2 + (gamma lambda)^2 Var(s_{t+1}) - Var(s_t)),  alpha' the helpers' step size
+        """
+        delta, *_ = [learner.learn(here, 0, reward, ahead, 0, terminal) for learner in self.learners]
         discount = (self.mean.discount * lambda_ahead) ** 2
         error = delta**2 + discount * (self.variance @ ahead) - self.variance @ here
         self.variance += self.mean.step_size * error * here
+        return delta
 
 
 class LambdaGreedy(_Helped):
@@ -104,9 +110,7 @@ class LambdaGreedy(_Helped):
         """Learn from one step; return its TD error. phi, phi_next: shape (n,). At a terminal step V(s') is 0."""
         here, ahead = _arrays(phi, phi_next, terminal)
         value_ahead = self.weights @ ahead
-        self.mean.learn(here, 0, reward, ahead, 0, terminal)
-        delta = self.value.learn(here, 0, reward, ahead, 0, terminal)
-        self._learn_variance(delta, 1.0, here, ahead)
+        delta = self._learn(here, reward, ahead, terminal, 1.0)
         bias, variance = float(self.mean.weights @ ahead - value_ahead) ** 2, max(0.0, float(self.variance @ ahead))
         self.lambda_ = bias / (bias + variance) if bias + variance > UNKNOWN else 1.0
         return delta
@@ -127,12 +131,8 @@ class META(_Helped):
     def __init__(self, n_features: int, *, step_size: float, kappa: float, discount: float) -> None:
         super().__init__(n_features, step_size=step_size, helper_step_size=min(1, 2 * step_size), discount=discount)
         self.lambda_mean = TrueOnlineTD(n_features, lambda_rule=self._rule, **self._settings)
+        self.learners.append(self.lambda_mean)
         self.lambda_weights, self.kappa = np.ones(n_features), kappa
-
-    def begin_episode(self) -> None:
-        """Clear the traces."""
-        super().begin_episode()
-        self.lambda_mean.begin_episode()
 
     @silent
     def update(self, phi: ArrayLike, reward: float, phi_next: ArrayLike, *, terminal: bool = False) -> float:
@@ -144,10 +144,7 @@ class META(_Helped):
         slope = lambda_ahead * (d**2 + variance) - d * (value_ahead - self.mean.weights @ ahead)
         step = self.kappa * self.mean.discount**2 * slope
 
-        for helper in (self.mean, self.lambda_mean):
-            helper.learn(here, 0, reward, ahead, 0, terminal)
-        delta = self.value.learn(here, 0, reward, ahead, 0, terminal)
-        self._learn_variance(delta, lambda_ahead, here, ahead)
+        delta = self._learn(here, reward, ahead, terminal, lambda_ahead)
         if variance > UNKNOWN and 0 <= lambda_ahead - step <= 1:
             self.lambda_weights -= step * ahead
         return delta
