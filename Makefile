@@ -139,10 +139,11 @@ site: .build/pages ## all of it as pages to read from disk: open .build/site/ind
 # The environment of a class packs it too, where that is the only one.
 READY := $(firstword $(wildcard .venv/.ready .build/class/.ready) .venv/.ready)
 lab: .build/lab/lab-teacher.zip ## the lab for a class, .build/lab: lab.zip for students, lab-teacher.zip with the solutions
+	@echo .build/lab/lab.zip && echo $<
 .build/lab/lab-teacher.zip: $(MODEL) homing_lib/__main__.py $(STUDY) \
   $(wildcard homing_lib/publish/*.* homing_lib/teach/*.*) notebooks/lab.ipynb \
   $(wildcard notebooks/lab/* data/STUDIES.md LICENSE) pyproject.toml environment.lock | $(READY)
-	$(READY:.ready=bin/python) -m homing_lib lab
+	$(READY:.ready=bin/python) -m homing_lib lab > /dev/null
 
 # Work on the project itself
 test: .venv/.ready ## lint, types and the quick tests

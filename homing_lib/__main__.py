@@ -13,6 +13,7 @@ def lab() -> None:
     """The lab for a class: .build/lab/lab.zip for students, lab-teacher.zip with the solutions."""
     from homing_lib.teach import handouts
 
+    print("homing: executing the solutions, which takes one to two minutes", file=sys.stderr, flush=True)
     print_paths(handouts.write())
 
 

@@ -177,13 +177,13 @@ def test_the_cell_of_the_trace_that_is_clicked_says_its_value(browser):
     assert f"state {row} is 1." in said
 
 
-def test_the_walk_measures_its_rules_as_the_stored_study(browser):
+def test_the_walk_measures_its_rules_as_a_race_does(browser):
     opened(browser, "rule=gate&with=gate:opposite")
     browser("DATA.stepSizes.splice(2); [...walkView.comparing()].length")
     assert "(mean of 20 seeds)" in title(browser, "w-error")
     browser("walkView.known.forEach((runs) => runs.splice(2))")
     for rule in ("gate", "gate:opposite"):
-        stored = [[walk.learning(rule, 1000 + seed, size).mean() for size in walk.STEP_SIZES[:2]] for seed in range(2)]
+        stored = [[walk.learning(rule, 1000 + seed, size).mean() for size in walk.RACE_SIZES[:2]] for seed in range(2)]
         theirs = browser(f"walkView.sweep('{rule}').map(({{ error }}) => error)")
         assert theirs == pytest.approx(np.mean(stored, axis=0).tolist(), abs=1e-12)
 

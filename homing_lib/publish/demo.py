@@ -18,7 +18,7 @@ from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import findings
 from homing_lib.study.runs import missing
-from homing_lib.study.walk import EPISODES, STEP_SIZES
+from homing_lib.study.walk import EPISODES, RACE_SIZES
 from homing_lib.surfaces import Image, paint
 
 SOURCES = ROOT / "notebooks" / "demo"
@@ -59,7 +59,7 @@ def build() -> str:
         "cividis": [
             matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps["cividis"](np.arange(0, 256, 4))
         ],
-        "stepSizes": STEP_SIZES,
+        "stepSizes": RACE_SIZES,
         "firstWalks": EPISODES,
         "claims": {view: [judged(name) for name in names] for view, names in SHOWN.items()},
     }
@@ -77,10 +77,15 @@ def build() -> str:
 
 
 def judged(name: str) -> dict[str, str]:
-    """A claim or question with its verdict, as the page says it."""
+    """A claim or question with its verdict, as the page says it, and what stands beside that."""
     found = findings.finding(name)
     by = "The paper says: " if found.question.is_claim else ""
-    return {"claim": f"{by}{found.question.text}", "verdict": found.verdict}
+    beside = ""
+    if name == "drives":  # one comparison that is undecided makes its verdict sound as if the rooms differed
+        together = [one.verdict for one in found.comparisons.values() if one.judged]
+        fewer = f"{together.count('fewer')} of {len(together)} comparisons"
+        beside = f" (with both it takes fewer steps than with one of them in {fewer})"
+    return {"claim": f"{by}{found.question.text}", "verdict": found.verdict, "beside": beside}
 
 
 def palette() -> str:

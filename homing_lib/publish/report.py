@@ -31,9 +31,11 @@ def summary() -> str:
 
 
 def judged(names: Sequence[str] = ()) -> str:
-    """Questions and claims, by their names or all: verdict, predicate and every number, as plain text."""
+    """Questions and claims, by their names or all: verdict, predicate and every number, and last how it is judged, as
+    plain text.
+    """
     each = [f"{findings.as_text(findings.finding(name))}\n{_from(name)}" for name in names or findings.stored()]
-    return "\n\n".join([_paragraphs([findings.HOW]), *each])
+    return "\n\n".join([*each, _paragraphs([findings.HOW])])
 
 
 def _from(name: str) -> str:

@@ -182,12 +182,12 @@ function offerRules() {
 function showClaims() {
   for (const [name, findings] of Object.entries(DATA.claims)) {
     const list = element("dl");
-    for (const { claim, verdict } of findings) {
+    for (const { claim, verdict, beside } of findings) {
       const item = element("div");
-      item.append(element("dt", claim), element("dd", `${verdict[0].toUpperCase()}${verdict.slice(1)}.`));
+      item.append(element("dt", claim), element("dd", `${verdict[0].toUpperCase()}${verdict.slice(1)}${beside}.`));
       list.append(item);
     }
-    at(`${name}-claims`).append(element("h2", "What this view is about, and what the stored runs say"), list);
+    at(`${name}-claims`).append(element("summary", "What this view is about, and what the stored runs say"), list);
   }
 }
 

@@ -244,6 +244,7 @@ const robotView = {
 
   tell() {
     at("frozen").checked = this.frozen;
+    at("after-freezing").hidden = !state.frozen; // whoever is to guess first does not read it before
     const done = sum(this.rules.map(({ rows }) => rows.length)), all = state.seeds * compared().length;
     at("robot-seeds").textContent = done < all && this.working ? `Stop ${done}/${all}` : state.seeds ? `${TEN} more seeds` : `${TEN} seeds`;
   },

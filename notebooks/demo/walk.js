@@ -1,7 +1,7 @@
 // The view of the walk: the trace over time, its errors and lambdas, and how wrong the values still are.
 
 const FIXED = ["fixed:0", "fixed:0.4", "fixed:0.8", "fixed:0.9", "fixed:1"];
-const WALKS = 30, FIRST = DATA.firstWalks, SEEDS = 20; // FIRST: as in the stored study
+const WALKS = 30, FIRST = DATA.firstWalks, SEEDS = 20; // FIRST: as in the race of notebook 4
 
 const walkView = {
   walk: null,
@@ -77,7 +77,7 @@ const walkView = {
     this.show();
   },
 
-  // Many runs of these rules and of fixed ones: at this step size, then at those of the stored study.
+  // Many runs of these rules and of fixed ones: at this step size, then at those of a race.
   compare() {
     between("walk", "walk", this.comparing());
   },
@@ -110,7 +110,7 @@ const walkView = {
     return runs.length ? runs[0].map((_, k) => mean(runs.map((errors) => errors[k]))) : [];
   },
 
-  // As the stored study measures it: at each of its step sizes the mean of the first walks' errors, and of the seeds.
+  // As a race measures it (notebook 4): at each of its step sizes the mean of the first walks' errors, and of the seeds.
   sweep(text) {
     return DATA.stepSizes.flatMap((alpha) => {
       const runs = this.runs(text, alpha, FIRST);
@@ -289,7 +289,7 @@ function paintBest(ctx, width, height) {
   paintRules(ctx, box, 0.65, (text) => walkView.sweep(text).map(({ alpha, error }) => [alpha, error]));
   if (walkView.runs(chosen(), sizes.at(-1), FIRST).length < SEEDS) return "Each rule at its best step size: being worked out …";
   const least = (text) => Math.min(...walkView.sweep(text).map(({ error }) => error));
-  return `Each at its best step size, over the first ${FIRST} walks, as in the stored runs: ${errorsSaid(least, 2)}`;
+  return `Each at its best step size, over the first ${FIRST} walks, as in notebook 4: ${errorsSaid(least, 2)}`;
 }
 
 function setUpWalk() {
