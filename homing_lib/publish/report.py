@@ -72,7 +72,7 @@ def latex() -> str:
     tables = {
         "tableClaims": verdicts[True],
         "tableQuestions": verdicts[False],
-        "tableErrata": [_erratum(one) for one in errata.ERRATA if errata.effect(one)],
+        "tableErrata": [_erratum(one) for one in errata.ERRATA if errata.changes_steps(one)],
         "tableOne": table_one(),
         "tableFigures": [_figure(name, one) for name, one in figures.items()],
     }

@@ -65,14 +65,21 @@ def chosen(names: Sequence[str] = ()) -> tuple[Erratum, ...]:
     return tuple(every[name] for name in names or every)
 
 
+def _effects(erratum: Erratum) -> dict[str, findings.Comparison]:
+    """By reading that was run, its total steps as a multiple of ours."""
+    named = {reading: name.partition(".") for reading, name in erratum.effects.items()}
+    return {reading: findings.finding(question)[key] for reading, (question, _, key) in named.items()}
+
+
 def effect(erratum: Erratum) -> str:
     """What the readings that were run do to the total steps, in words; nothing if none was."""
-    each = []
-    for reading, name in erratum.effects.items():
-        question, _, key = name.partition(".")
-        comparison = findings.finding(question)[key]
-        each.append(f"{reading}, {comparison:.2f}: {comparison.verdict}")
+    each = [f"{reading}, {comparison:.2f}: {comparison.verdict}" for reading, comparison in _effects(erratum).items()]
     return f"Total steps, as a multiple of ours: {'; '.join(each)}. " if each else ""
+
+
+def changes_steps(erratum: Erratum) -> bool:
+    """Whether one of the readings that were run takes fewer or more total steps than ours."""
+    return any(comparison.verdict in ("fewer", "more") for comparison in _effects(erratum).values())
 
 
 def table(errata: Iterable[Erratum]) -> str:
