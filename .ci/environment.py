@@ -25,7 +25,7 @@ def main(folder: str, *locks: str) -> None:
         slow = "" if wheel else ", then PyBullet is compiled, which takes 7 minutes on two cores"
         print(f"{folder}: some 500 MB of packages are installed, a minute or two{slow}", flush=True)
         options = ["--only-binary", ":all:", *([] if wheel else ["--no-binary", "pybullet"]), "--require-hashes"]
-        pip(python, environment, *options, *(f"-r{lock}" for lock in locks))
+        pip(python, environment, *options, *(part for lock in locks for part in ("-r", lock)))
         pip(python, environment, "--no-deps", "--no-build-isolation", "-e", ".")
     else:
         print(f"{folder}: some 400 MB of packages are installed, in some minutes", flush=True)
