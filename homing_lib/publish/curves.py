@@ -115,13 +115,15 @@ def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float])
     for name, steps in robots.items():
         colour = next(COLOURS[thing] for thing in COLOURS if name.startswith(thing))
         dashes = ("-", (0, (4, 1.5)), (0, (1, 1)))[colours.count(colour)]
-        curve(axes, at, band(steps), (colour, dashes), alpha=0.15)
-        axes.lines[-1].set_linewidth(1.8 if dashes == "-" else 1)
+        solid = dashes == "-"
+        curve(axes, at, band(steps), (colour, dashes), alpha=0.2 if solid else 0.08)
+        axes.lines[-1].set_linewidth(1.8 if solid else 1)
         ends[name], colours = (float(at[-1]), float(steps[:, -1].mean())), [*colours, colour]
     axes.set(xlabel="environment steps so far", ylabel="steps of an episode", xlim=(at[0], at[-1]), xscale="log")
     for name, value in levels.items():
         level(axes, value, name)
     log_axis(axes, "y")
+    axes.xaxis.set_major_formatter("{x:,.0f}")
     label_ends(axes, ends, colours)
     return figure
 
