@@ -38,9 +38,9 @@ def learning(settings: Settings, seed: int) -> Columns:
     if settings.controller in deep.LEARNERS:
         steps = deep.episode_lengths(settings, seed, STEPS)
     else:
-        later: list[int] = []
-        result = run(settings, seed, afterwards=lambda env, agent: later.extend(_going_on(settings, env, agent)))
-        steps = [*episode_matrix([result])[0], *later]
+        further: list[int] = []
+        result = run(settings, seed, afterwards=lambda env, agent: further.extend(_going_on(settings, env, agent)))
+        steps = [*episode_matrix([result])[0], *further]
     return until(STEPS, steps, settings.max_steps)
 
 
