@@ -39,7 +39,7 @@ unexport $(filter-out PYTHONHASHSEED PYTHONUTF8,$(THEIRS))
 
 MAKEFLAGS += --jobs=2
 .DELETE_ON_ERROR:
-.PHONY: all test data verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
+.PHONY: all test data deep verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
 
 # A stamp lists the files that were made, with their checksums. If one is no longer so, it goes, and they are made again.
 STAMPS := $(wildcard .build/numbers .build/report .build/demo .build/pages .build/notebooks/*)
@@ -62,6 +62,11 @@ another = $(shell [ "$$(cat $(1)/.ready 2>/dev/null)" = "$(VERSION) $$(pwd -P)" 
 .build/class/.ready: pyproject.toml $(call another,.build/class)
 	@$(if $(fitting),$(PYTHON)) .ci/environment.py .build/class
 
+# For deep learners, beside the locked packages.
+.build/deep/.ready: environment.lock .ci/deep.lock $(call another,.build/deep)
+	@echo ".build/deep: torch is downloaded, 2.8 GB on Linux, where it brings CUDA along; elsewhere a tenth of that"
+	@$(if $(fitting),$(PYTHON)) .ci/environment.py .build/deep environment.lock .ci/deep.lock
+
 OPEN = lab
 class: .build/class/.ready ## open the notebooks in JupyterLab, on any computer: no compiler, no LaTeX
 	$(if $(OPEN),env -u MPLBACKEND .build/class/bin/jupyter $(OPEN) notebooks)
@@ -71,6 +76,10 @@ data: .build/data ## check the stored runs, compute the missing ones (all of the
 .build/data: FORCE | .venv/.ready
 	@mkdir -p .build
 	$(HOMING) data --stamp $@$(if $(FORCE), --force)
+
+# Neither `make` nor `make data` needs it: the tables of deep learners are here, and checked as all others are.
+deep: .build/deep/.ready ## compute what is missing of the deep learners, PPO and DQN: downloads 2.8 GB, takes an hour or two
+	.build/deep/bin/python -m homing_lib data instead instead-images$(if $(FORCE), --force)
 
 verify: .build/verified ## repeat one stored run live and compare it to the bit
 .build/verified: .build/data $(MODEL) $(STUDY) $(if $(filter verify,$(MAKECMDGOALS)),FORCE)
@@ -158,12 +167,15 @@ bench: .venv/.ready ## what a step and a run cost, in one table
 compact: .venv/.ready ## write the atlas that ships with the library, homing_lib/compact.atlas, anew
 	.venv/bin/python -m homing_lib.publish.compact
 
-lock: ## write environment.lock anew from pyproject.toml
+# The second holds what the first does not.
+locked = .build/lock/bin/uv pip compile -q pyproject.toml --universal --python-version 3.11 --only-binary :all: \
+  --no-binary pybullet --generate-hashes --no-header --no-emit-index-url --no-emit-find-links
+lock: ## write environment.lock and .ci/deep.lock anew from pyproject.toml
 	$(PYTHON) -m venv .build/lock
 	.build/lock/bin/python -m pip install -qq uv
-	.build/lock/bin/uv pip compile -q pyproject.toml --extra dev --extra camera --universal --python-version 3.11 \
-	  --only-binary :all: --no-binary pybullet --generate-hashes --no-header --no-emit-index-url --no-emit-find-links \
-	  -o environment.lock
+	$(locked) --extra dev --extra camera -o environment.lock
+	$(locked) --extra deep -c environment.lock -o .ci/deep.lock \
+	  $$(sed -n 's/^\([a-z0-9.-]*\)==.*/--no-emit-package \1/p' environment.lock)
 
 clean: ## forget what was built; data and figures stay
 	rm -rf .build paper/numbers.tex

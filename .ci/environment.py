@@ -1,6 +1,6 @@
-"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]`, from the root of a clone.
+"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]...`, from the root of a clone.
 
-With a LOCK it holds exactly the locked packages, without one whatever packages pip finds for this Python.
+With a LOCK it holds exactly the locked packages, those of all LOCKs, without one whatever pip finds for this Python.
 """
 
 import ast
@@ -15,17 +15,17 @@ SOURCES = "index-url extra-index-url find-links no-index proxy cert client-cert 
 packages go elsewhere, or that they are all to be compiled."""
 
 
-def main(folder: str, lock: str | None = None) -> None:
+def main(folder: str, *locks: str) -> None:
     """Make the environment anew, whatever stands there, and at the end write .ready, which says what it is for."""
     python = Path(folder, "bin", "python")
     subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True)
     environment = only_sources(python)
     wheel = sys.version_info[:2] == (3, 11) and platform.system() == "Linux" and platform.machine() == "x86_64"
-    if lock:
+    if locks:
         slow = "" if wheel else ", then PyBullet is compiled, which takes 7 minutes on two cores"
         print(f"{folder}: some 500 MB of packages are installed, a minute or two{slow}", flush=True)
         options = ["--only-binary", ":all:", *([] if wheel else ["--no-binary", "pybullet"]), "--require-hashes"]
-        pip(python, environment, *options, "-r", lock)
+        pip(python, environment, *options, *(part for lock in locks for part in ("-r", lock)))
         pip(python, environment, "--no-deps", "--no-build-isolation", "-e", ".")
     else:
         print(f"{folder}: some 400 MB of packages are installed, in some minutes", flush=True)

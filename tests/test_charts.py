@@ -64,6 +64,11 @@ def drawn(figure: Figure) -> list[Axes]:
         lambda: charts.distance({"a": theorem.distance_from_cg(RNG.normal(size=(13, 3)), np.ones(12))}),
         lambda: charts.passing_shares({"some": 0.1, "none": 0.0}, ["some"]),
         lambda: plans.paths({"early": [("a", WAY[:, :2])] * 2, "late": [("c", WAY[:0, :2])]}, PAPER),
+        lambda: curves.instead(
+            np.geomspace(100, 40_000, 20),
+            {name: RUNS for name in ("form 2", "standard Sarsa(λ)", "PPO", "PPO, constant cost", "DQN")},
+            {"climb": 61.0},
+        ),
         lambda: forests.finalists({"a": Interval(30, 28, 33)}, {"a": 25.0}),
         lambda: curves.learning_curves(
             RUNS, -LOST, LOST, RUNS, np.linspace(1, 0.3, 20), *[Interval(90, 80, 99)] * 3, window=5

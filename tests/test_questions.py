@@ -11,7 +11,7 @@ from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
 from homing_lib.study import bootstrap, findings
 from homing_lib.study.bootstrap import Interval
-from homing_lib.study.questions import claims, conjugate, drives, home, learns, printed, rooms, varying, worth
+from homing_lib.study.questions import claims, conjugate, drives, home, instead, learns, printed, rooms, varying, worth
 from homing_lib.study.studies import ROOMS, labelled
 
 SEEDS = 12
@@ -267,6 +267,21 @@ def added_up(soon, later):
     return [*tables, everywhere(restored=50.0), climb, *own]
 
 
+def installed(later):
+    """All tables of `instead`: form 2 takes 30 steps an episode, others 100, and so many from 10,000 steps on."""
+
+    def driven(conditions, early, late):
+        return pd.concat(
+            pd.DataFrame({"condition": who, "seed": seed, **instead.until(50_000, steps, 2000)})
+            for who in conditions
+            for seed, spread in enumerate(SPREAD)
+            for steps in [[early * spread] * (10_000 // early) + [late * spread] * (45_000 // late)]
+        )
+
+    ours = driven(("form2", "standard"), 30, 30)
+    return [*(driven(one.conditions, 100, later) for one in (instead.DEEP, instead.IMAGES)), ours, unlearnt(), SHORTEST]
+
+
 def carried(kidnapped, begun):
     """Of `worth.carried`: shares that come home, learning on; frozen, a fifth does."""
     made = []
@@ -344,6 +359,8 @@ TRUTHS = [
     ("rooms", "in 4 of 6 rooms", lambda: helped_in(4)),
     ("worth", "within 20 episodes in 1 of 6 rooms, within 60 in 6", lambda: added_up(("attic",), ROOMS)),
     ("worth", "within 20 episodes in 0 of 6 rooms, within 60 in 2", lambda: added_up((), ("cell", "hall"))),
+    ("instead", "fewer throughout", lambda: installed(100)),
+    ("instead", "fewer up to 5,000 steps, more from 20,000 on", lambda: installed(20)),
     ("C1", "by construction", lambda: directions(3)),
     ("C1", "contradicted", lambda: directions([*[3] * 11, 2])),
     ("C2", "supported", against_fixed),

@@ -104,6 +104,31 @@ def learns(atlas: Array, camera: Array, levels: Mapping[str, float], frozen: Map
 
 
 @styled
+def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float]) -> Figure:
+    """Learning curves over environment steps: steps of the next ten episodes, mean of the robots and 95 % interval.
+
+    at: environment steps, shape (n,); robots: shape (robots, n), by a name that begins with the thing whose colour it
+    has: its first is solid, others are thin and dashed. levels: by name.
+    """
+    figure, (axes,) = panels(3.6)
+    ends, colours = {}, []
+    for name, steps in robots.items():
+        colour = next(COLOURS[thing] for thing in COLOURS if name.startswith(thing))
+        dashes = ("-", (0, (4, 1.5)), (0, (1, 1)))[colours.count(colour)]
+        solid = dashes == "-"
+        curve(axes, at, band(steps), (colour, dashes), alpha=0.2 if solid else 0.08)
+        axes.lines[-1].set_linewidth(1.8 if solid else 1)
+        ends[name], colours = (float(at[-1]), float(steps[:, -1].mean())), [*colours, colour]
+    axes.set(xlabel="environment steps so far", ylabel="steps of an episode", xlim=(at[0], at[-1]), xscale="log")
+    for name, value in levels.items():
+        level(axes, value, name)
+    log_axis(axes, "y")
+    axes.xaxis.set_major_formatter("{x:,.0f}")
+    label_ends(axes, ends, colours)
+    return figure
+
+
+@styled
 def by_episode(title: str, tables: Mapping[str, Array], ylabel: str) -> Figure:
     """Mean and 95 % interval over the runs, by episode. tables: by label, shape (runs, episodes)."""
     figure, (axes,) = panels(2.7)

@@ -29,7 +29,7 @@ DATA = ROOT / "data"  # what is committed: complete runs of the headline, and on
 
 SCRATCH = ROOT / ".build" / "runs"  # what was measured of runs, from which tables are made
 
-BLOCK = 10  # seeds of a condition in one file of SCRATCH; with the camera, which takes long, one
+BLOCK = 10  # seeds of a condition in one file of SCRATCH; of what takes long, with the camera or deep, one
 
 LEFTOVER_S = 3600  # a file that nobody has gone on writing for so long was left behind
 
@@ -56,7 +56,8 @@ class Study:
 
     reason: why it is asked; conditions: settings by their labels. measure: the table of one run; all are stored as one,
     data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: further settings
-    whose atlases the measure looks at.
+    whose atlases the measure looks at. deep: its runs need torch and take minutes, so that `make deep` alone computes
+    it, and keeps each as soon as it is done.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Study:
     seeds: Sequence[int]
     measure: Measure | None = None
     atlases: Sequence[Settings] = ()
+    deep: bool = False
 
     def __post_init__(self) -> None:
         """Seeds may be NumPy's. Raises UserError for what is no seed."""
@@ -106,7 +108,7 @@ class Study:
         blocks: dict[tuple[int, int], list[int]] = {}
         conditions = [*dict.fromkeys(self.conditions.values())]
         for seed, (number, settings) in product(self.seeds, enumerate(conditions)):
-            alone = self.measure is None or settings.images == "camera"
+            alone = self.measure is None or self.deep or settings.images == "camera"
             blocks.setdefault((number, seed if alone else seed - seed % BLOCK), []).append(seed)
         return [
             Job(path_of(self.folder, conditions[number], first), conditions[number], tuple(seeds))
@@ -116,6 +118,11 @@ class Study:
     def __len__(self) -> int:
         """How many runs it has."""
         return len(self.seeds) * len(set(self.conditions.values()))
+
+    @property
+    def made_by(self) -> dict[str, str]:
+        """Versions of what makes its runs."""
+        return MADE_BY | {package: version_of(package) for package in _DEEPER if self.deep}
 
     def definition(self) -> dict[str, Any]:
         """What fixes its numbers, for the manifest: of settings a hash, and what is not default."""
@@ -248,8 +255,7 @@ def load_table(study: Study) -> pd.DataFrame:
     """A study's table: columns `condition`, `seed`, those of its measure, and one for each setting that varies (unless
     the measure has a column of that name). Raises UserError if it is missing, damaged or of another definition.
     """
-    if not is_current(study):
-        raise missing(study.table, "missing, or of an older version of this study; `make data` computes it")
+    require(study)
     table = pd.read_parquet(io.BytesIO(read_bytes(study.table)))
     every = {label: dict(settings) for label, settings in study.conditions.items()}
     for name in Settings.model_fields:
@@ -297,6 +303,8 @@ MADE_BY = {package: version_of(package) for package in ("numpy", "opencv-python-
 MADE_BY |= {"python": platform.python_version(), "homing_lib": source_hash(Path(homing_lib.__file__).parent)}
 """Versions of what makes a run. Taken when the library is imported: its files may have changed when the run ends."""
 
+_DEEPER = ("stable-baselines3", "torch")
+
 
 @_with_remedy()
 def read_manifest(study: Study) -> dict[str, Any]:
@@ -339,6 +347,13 @@ def is_current(study: Study) -> bool:
     for file in files:
         check(file, manifest)
     return True
+
+
+def require(study: Study) -> None:
+    """Raises UserError unless a study is stored, sound and as it stands."""
+    if not is_current(study):
+        computes = f"`make {'deep' if study.deep else 'data'}` computes it"
+        raise missing(study.table, f"missing, or of an older version of this study; {computes}")
 
 
 def fingerprint(studies: Iterable[Study]) -> str:

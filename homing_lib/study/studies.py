@@ -46,9 +46,10 @@ def study(
     seeds: Sequence[int],
     measure: Measure | None = None,
     atlases: Sequence[Settings] = (),
+    deep: bool = False,
 ) -> Study:
-    """A `Study` on the list of those that `homing studies` shows and `make data` computes."""
-    made = Study(name, reason, conditions, seeds, measure, atlases)
+    """A `Study` on the list of those that `homing studies` shows and `make data` computes, or checks if it is deep."""
+    made = Study(name, reason, conditions, seeds, measure, atlases, deep)
     LISTED[name] = made
     return made
 
@@ -249,6 +250,7 @@ def page() -> str:
     for one in in_order():
         seeds = f"{min(one.seeds)} to {max(one.seeds)}"
         scope = f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}."
+        scope += " `make deep` computes it, nothing else." * one.deep
         parts += [f"## {one.name}", one.reason, scope, _conditions(one)]
     return "\n\n".join(parts) + "\n"
 

@@ -36,14 +36,18 @@ def compute(
 ) -> Iterator[tuple[Study, int]]:
     """Compute what is missing of all studies, or of those that are named: each, and how many runs it took.
 
-    Runs that several studies ask for are computed once. workers, cluster: see `parallel.results`; force: all runs of
-    these studies are computed from scratch. Raises UserError outside a clone, and for a name that no study has.
+    Runs that several studies ask for are computed once; what is deep only if it is named, else it must be there.
+    workers, cluster: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises
+    UserError outside a clone, for a name that no study has, and for a deep study that is not there.
     """
     runs.require_clone()
     _require_known(names)
     left, anew = set(names), set[Path]()
     for study in studies.in_order():
         if names and study.name not in left:
+            continue
+        if study.deep and not names:
+            runs.require(study)
             continue
         if force and study.measure:
             for path in {job.path for job in study.jobs()} - anew:  # but for what another has just computed
@@ -143,7 +147,7 @@ def _block(study: Study, job: Job, kept: Kept) -> bytes:
 
 def _about(study: Study, job: Job) -> dict[str, Any]:
     """What fixes the content of a block."""
-    return {"settings": job.settings.model_dump(), "measure": study.whole_measure, "made by": runs.MADE_BY}
+    return {"settings": job.settings.model_dump(), "measure": study.whole_measure, "made by": study.made_by}
 
 
 def _table(study: Study, kept: Mapping[Path, Kept]) -> bytes:
@@ -171,7 +175,7 @@ def _store(study: Study, files: Mapping[Path, bytes], before: dict[str, Any]) ->
     before: the manifest as it was. It stays where the content came out the same, which is still what first made it.
     """
     checksums = {path.name: hashlib.sha256(content).hexdigest() for path, content in files.items()}
-    now: dict[str, Any] = study.definition() | {"sha256": checksums, "made by": runs.MADE_BY}
+    now: dict[str, Any] = study.definition() | {"sha256": checksums, "made by": study.made_by}
     if now | {"made by": before.get("made by")} == before:
         now = before
     if checksums != before.get("sha256"):  # no manifest, while it would vouch for what is no longer there

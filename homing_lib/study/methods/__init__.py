@@ -9,18 +9,7 @@ the method needs beside the step size and lambda.
 """
 
 from importlib import import_module
+from pkgutil import iter_modules
 
-_FILES = (
-    "true_online",
-    "step_size_bound",
-    "swift_sarsa",
-    "tdc",
-    "residual_gradient",
-    "natural_actor_critic",
-    "scaled_conjugate_gradient",
-    "lambda_greedy",
-    "recursive_least_squares",
-)
-
-for _file in _FILES:
-    import_module(f"{__name__}.{_file}")
+for _file in iter_modules(__path__):
+    import_module(f"{__name__}.{_file.name}")
