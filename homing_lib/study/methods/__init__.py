@@ -3,3 +3,5 @@
 Importing this lets settings know them by name: `Settings(controller="true-online")`. A file holds one learner with its
 formula, its source and what a step of it costs; it imports the model alone. In the model there is none of them.
 """
+
+from homing_lib.study.methods import simple  # noqa: F401
