@@ -82,9 +82,9 @@ class SimpleAgent:
     def x(self, phi: Array) -> Array:
         """The features that it learns with, shape (n + 1,), of a view; of T views, shape (T, n + 1)."""
         away = phi - self.mean
-        length = np.sqrt(np.einsum("...i,...i", away, away)) + 1e-12  # a view may be the mean itself
+        length = np.sqrt(dot(away, away)) if away.ndim == 1 else np.sqrt([[dot(one, one)] for one in away])
         x = np.full((*phi.shape[:-1], phi.shape[-1] + 1), CONSTANT)
-        x[..., :-1] = away / length[..., None]
+        x[..., :-1] = away / (length + 1e-12)  # a view may be the mean itself
         return x
 
     def start_value(self, phi: Array) -> Array:
@@ -95,7 +95,7 @@ class SimpleAgent:
         """A view; it is worked out once for whoever chooses, and then learns."""
         if self.last is None or self.last.phi is not phi:
             x, start = self.x(phi), float(self.start_value(phi))
-            self.last = View(phi, x, start, [start + value for value in (self.weights @ x).tolist()])
+            self.last = View(phi, x, start, [start + dot(weights, x) for weights in self.weights])
         return self.last
 
     def value_list(self, phi: Array) -> list[float]:
@@ -141,7 +141,7 @@ class SimpleAgent:
             seen = zip(self.x(views), self.start_value(views).tolist(), strict=True)
             for (x, start), (_, action, reward) in reversed([*zip(seen, episode, strict=True)]):
                 self.update(x, action, reward + ahead - start, alpha)
-                ahead = start + max((self.weights @ x).tolist())
+                ahead = start + max([dot(weights, x) for weights in self.weights])
 
 
 register("simple", SimpleAgent)

@@ -127,7 +127,7 @@ def settings(room: str, **changes: Any) -> Settings:
         "first_episode_share": 0.0,
         "controller": "simple",
     }
-    return Settings(images="atlas", room=room, **(task | changes))
+    return Settings(**({"images": "atlas", "room": room} | task | changes))
 
 
 CHOICE = Choice(
@@ -149,7 +149,7 @@ PARTS = {"no replay": {"controller": "simple, no replay"}, "not centred": {"cont
 
 def robots_in(room: str) -> int:
     """How many are judged."""
-    return 1000 if room == "paper" else 300
+    return 1000 if room == "paper" else 500
 
 
 @later(CHOICE.second)
@@ -219,7 +219,7 @@ def beats(found: dict[str, Comparison], room: str) -> dict[str, bool]:
     f"""The learner at the settings chosen for its room, from the room's start; the shortest way is the mean of those
     that search finds (five surveys a room). A room counts as beaten *learning on*, if the mean of the ten episodes that
     begin once 2,000 steps of the environment have been driven is below {OF_SHORTEST:g} times the shortest way, with the
-    whole interval, and none of its robots (1,000 in the paper's room, 300 in another) diverged or took, in those ten,
+    whole interval, and none of its robots (1,000 in the paper's room, 500 in another) diverged or took, in those ten,
     more than random actions do. It counts as beaten *frozen*, if of the robots, frozen at the end of the episode in
     which they drove their 5,000th step, and without exploration, more than half come home within
     {OF_SHORTEST_FROZEN:g} times the shortest way, and fewer than {LOST:.0%} not within 2,000 steps, both with the whole
