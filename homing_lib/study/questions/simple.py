@@ -1,0 +1,257 @@
+"""Does a linear learner of a page beat both, the published learner and standard Sarsa?
+
+The learner is `methods.simple`: greedy Q-learning on centred features that replays its last episodes. The bar was set
+before it was written: home almost as fast as can be after 2,000 steps of the environment, and, frozen after 5,000, a
+policy that stands by itself, which the published robot's does not.
+
+What the choice draws from was found by informal trials on seeds 0-99, in three rooms: some 600 random draws of step
+size, lambda, exploration (also by climbing), start values, length of the constant feature, replay (how many episodes,
+the last or the best, how often), penalties, and what is looked ahead to, of 6 to 20 robots each; and some 60 of these
+again with one part changed, of 40 to 100 robots. Most got near; the simplest of the best was kept.
+"""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from homing_lib import agent
+from homing_lib.environment import HomingEnv
+from homing_lib.sarsa import Diverged
+from homing_lib.settings import Settings
+from homing_lib.study.choosing import Choice
+from homing_lib.study.engine import run_episode
+from homing_lib.study.findings import Comparison, Judged, compare_steps, compare_to_limit, estimate, exact, question
+from homing_lib.study.measures import CUT
+from homing_lib.study.questions import drives, learns, varying
+from homing_lib.study.robots import FrozenAgent
+from homing_lib.study.runs import Columns, Study
+from homing_lib.study.studies import ROBOTS, UNLEARNT, column, labelled, later, rows
+
+IN_ROOMS = ("paper", "attic", "hall")
+
+LEARNT, FROZEN = 2000, 5000  # steps of the environment after which it is looked at: learning on, and frozen
+NEXT = 10  # episodes that are looked at then
+OF_SHORTEST, OF_SHORTEST_FROZEN, LOST = 1.15, 1.3, 0.01  # the bar: multiples of the shortest way; a share
+
+TIMES = range(0, FROZEN, 250)
+"""Steps of the environment at which the learning curve is drawn."""
+
+_CAP = Settings().max_steps
+
+
+def bar(settings: Settings, seed: int) -> Columns:
+    """One row per run. `steps`: mean of the ten episodes that begin once 2,000 steps of the environment have been
+    driven; `cut`, the same with each cut at CUT. `frozen`: steps from the room's start of the robot as it was at the
+    end of the episode in which it drove its 5,000th step, without learning and exploration; `home`, whether it came
+    home within 2,000. `at_0`, `at_250`, ...: steps of the episode that it drove after so many. `diverged`: then an
+    episode takes the step cap.
+    """
+    frozen: list[tuple[int, bool]] = []
+
+    def frozen_trial(env: HomingEnv, robot: Any) -> None:
+        with HomingEnv(settings, observation="features", model=env.model) as world:
+            world.reset(seed=seed)
+            path, home = run_episode(world, FrozenAgent(robot, greedy=True))
+            frozen.append((len(path), home))
+
+    lengths, diverged = driven(settings, seed, FROZEN, frozen_trial)
+    way, home = frozen[0] if frozen else (_CAP, False)
+    begun = np.cumsum(lengths) - lengths
+    row: dict[str, Any] = reached(lengths) | {"frozen": way, "home": home, "diverged": diverged}
+    row |= {f"at_{time}": lengths[np.searchsorted(begun, time, side="right") - 1] for time in TIMES}
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
+
+
+def bar_on(settings: Settings, seed: int) -> Columns:
+    """`steps` and `cut` of `bar` alone, in half the time."""
+    row = reached(driven(settings, seed, LEARNT, lambda env, robot: None)[0])
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
+
+
+def driven(
+    settings: Settings, seed: int, steps: int, then: Callable[[HomingEnv, Any], None]
+) -> tuple[NDArray[np.int64], bool]:
+    """Steps of the episodes of a run until so many have been driven, and ten episodes after LEARNT; whether it
+    diverged. then: is called when so many have been driven.
+    """
+    lengths: list[int] = []
+
+    def drive(env: HomingEnv, robot: Any, *_: Any) -> agent.Episodes:
+        while sum(lengths) < steps or sum(np.cumsum([0, *lengths[:-1]]) >= LEARNT) < NEXT:
+            robot.begin_episode(len(lengths) + 1)
+            before = sum(lengths)
+            lengths.append(len(run_episode(env, robot)[0]))
+            if before < steps <= sum(lengths):
+                then(env, robot)
+        return np.empty((0, len(agent.STEP_COLUMNS))), np.array(lengths), np.ones(len(lengths), dtype=bool), 0
+
+    try:
+        agent.run(settings, seed, episodes=drive)
+    except Diverged:
+        return np.array([*lengths, *[_CAP] * (NEXT + FROZEN // _CAP)]), True
+    return np.array(lengths), False
+
+
+def reached(lengths: NDArray[np.int64]) -> dict[str, float]:
+    """Of the first ten episodes that begin once LEARNT steps have been driven: mean steps, and each cut at CUT."""
+    ten = lengths[np.cumsum(lengths) - lengths >= LEARNT][:NEXT]
+    return {"steps": float(ten.mean()), "cut": float(np.minimum(ten, CUT).mean())}
+
+
+# --- The choice -------------------------------------------------------------------------------------------------------
+
+_DRAWN: dict[str, tuple[float, ...]] = {
+    "alpha0": (0.3, 0.5, 0.7, 0.9),
+    "theta0": (0.01, 0.02, 0.04),
+    "epsilon0": (0.0, 0.1, 0.3),
+}
+"""Step size; start value (a step costs .05, so that at .02 no similarity would be 90 steps from home); exploration,
+which falls with the number of the episode."""
+
+
+def _candidates(draws: int = 6) -> list[dict[str, Any]]:
+    every = [dict(zip(_DRAWN, values, strict=True)) for values in product(*_DRAWN.values())]
+    return [every[place] for place in np.random.default_rng(0).choice(len(every), draws, replace=False)]
+
+
+def settings(room: str, **changes: Any) -> Settings:
+    """The learner's task: every step costs the same, walls nothing more, home is worth 0."""
+    task: dict[str, Any] = {
+        "step_cost": "constant",
+        "approach_reward": False,
+        "wall_penalty": 0.0,
+        "bootstrap_terminal": False,
+        "first_episode_share": 0.0,
+        "controller": "simple",
+    }
+    return Settings(**({"images": "atlas", "room": room} | task | changes))
+
+
+CHOICE = Choice(
+    "simple-choice",
+    "Which step size, start value and exploration suit the learner of a page? Six draws, by the steps of ten episodes "
+    "after 2,000 steps of the environment.",
+    [settings(room, **drawn) for room in IN_ROOMS for drawn in _candidates()],
+    lambda one: one.room,
+    measure=bar_on,
+    seeds=range(10),
+    then=range(10, 40),
+)
+
+PARTS = {"no replay": {"controller": "simple, no replay"}, "not centred": {"controller": "simple, not centred"}}
+"""What it is without one of its parts."""
+
+# --- What is judged ---------------------------------------------------------------------------------------------------
+
+
+def robots_in(room: str) -> int:
+    """How many are judged."""
+    return 1000 if room == "paper" else 500
+
+
+@later(CHOICE.second)
+def in_paper() -> Study:
+    only = labelled([CHOICE.best(settings("paper"))])
+    return Study("simple", "The learner of a page in the paper's room.", only, ROBOTS[: robots_in("paper")], bar)
+
+
+@later(CHOICE.second)
+def in_others() -> Study:
+    every = labelled(CHOICE.best(settings(room)) for room in IN_ROOMS[1:])
+    return Study("simple-rooms", "The learner of a page in two other rooms.", every, ROBOTS[: robots_in("attic")], bar)
+
+
+def opponents(room: str) -> dict[str, Settings]:
+    """Form 2 at the defaults, and standard Sarsa at its best fixed lambda; its schedule continued."""
+    best = varying.chosen(room, "all", varying.best_fixed(room, "all"))
+    standard = drives.after(100, room=room, **{name: dict(best)[name] for name in ("alpha0", "lambda_rule", "update")})
+    return {"form 2": drives.after(100, room=room), "standard": standard}
+
+
+@later(varying.CHOICE.second)
+def others() -> Study:
+    every = labelled(one for room in IN_ROOMS for one in opponents(room).values())
+    return Study("simple-others", "Form 2 and standard Sarsa, looked at in the same way.", every, ROBOTS[:200], bar)
+
+
+@later(CHOICE.second)
+def parts() -> Study:
+    every = labelled(CHOICE.best(settings(room)).with_changes(**part) for room in IN_ROOMS for part in PARTS.values())
+    return Study("simple-parts", "The learner of a page without one of its parts.", every, ROBOTS[:20], bar)
+
+
+COMPARISONS = 3 * len(IN_ROOMS)
+
+
+def against_the_bar(robots: Any, shortest: float, chance: float, comparisons: int = 0) -> dict[str, Comparison]:
+    """Rows of `bar`, one per robot, held against the bar. chance: steps of random actions in the room."""
+    lost = (robots.diverged > 0) | (robots.steps > chance)
+    soon = (robots.home > 0) & (robots.frozen <= OF_SHORTEST_FROZEN * shortest)
+
+    def held(values: Any, limit: float) -> Comparison:
+        return compare_to_limit(values, limit, comparisons=comparisons) if comparisons else estimate(values)
+
+    return {
+        "on": held(robots.steps / shortest, OF_SHORTEST),
+        "on.lost": exact(float(lost.sum())),
+        "frozen.soon": held(soon, 0.5),  # in the median: so does half of them
+        "frozen.lost": held(robots.home == 0, LOST),
+        "frozen.median": exact(float(robots.frozen.median()) / shortest),
+        "on.steps": estimate(robots.steps),
+    }
+
+
+def beats(found: dict[str, Comparison], room: str) -> dict[str, bool]:
+    """Whether the learner is within the bar, learning on and frozen, with whole intervals."""
+    word = {name: found[f"{room}.simple.{name}"].verdict for name in ("on", "frozen.soon", "frozen.lost")}
+    return {
+        "on": word["on"] == "below" and found[f"{room}.simple.on.lost"].value == 0,
+        "frozen": word["frozen.soon"] == "above" and word["frozen.lost"] == "below",
+    }
+
+
+@question(
+    "simple",
+    "Does a linear learner of a page beat both?",
+    f"""The learner at the settings chosen for its room, from the room's start; the shortest way is the mean of those
+    that search finds (five surveys a room). A room counts as beaten *learning on*, if the mean of the ten episodes that
+    begin once 2,000 steps of the environment have been driven is below {OF_SHORTEST:g} times the shortest way, with the
+    whole interval, and none of its robots (1,000 in the paper's room, 500 in another) diverged or took, in those ten,
+    more than random actions do. It counts as beaten *frozen*, if of the robots, frozen at the end of the episode in
+    which they drove their 5,000th step, and without exploration, more than half come home within
+    {OF_SHORTEST_FROZEN:g} times the shortest way, and fewer than {LOST:.0%} not within 2,000 steps, both with the whole
+    interval (k = {COMPARISONS}: three rooms, three comparisons). The verdict counts rooms: "both in n of 3 rooms,
+    learning on in m, frozen in l". Form 2 at the defaults and standard Sarsa (all weights updated, its best fixed
+    lambda), looked at in the same way, stand beside it, and the learner without its parts.""",
+    in_paper,
+    in_others,
+    others,
+    parts,
+    UNLEARNT,
+    learns.SHORTEST,
+    order=8.5,
+)
+def simple(paper: Any, rooms: Any, others: Any, parts: Any, unlearnt: Any, ways: Any) -> Judged:
+    found: dict[str, Comparison] = {}
+    for room in IN_ROOMS:
+        shortest = column(ways, "steps", room=room).mean()
+        chance = column(unlearnt, "late", room=room, controller="random").mean()
+        ours = rows(paper if room == "paper" else rooms, room=room)
+        chosen = CHOICE.best(settings(room))
+        every = {"simple": ours}
+        every |= {who: rows(others, like=one) for who, one in opponents(room).items()}
+        every |= {part: rows(parts, like=chosen.with_changes(**changes)) for part, changes in PARTS.items()}
+        for who, robots in every.items():
+            held = against_the_bar(robots, shortest, chance, COMPARISONS if who == "simple" else 0)
+            found |= {f"{room}.{who}.{name}": one for name, one in held.items()}
+            if who != "simple":
+                found[f"{room}.of {who}"] = compare_steps(ours.steps.iloc[: len(robots)], robots.steps)
+        found[f"{room}.shortest"] = exact(float(shortest))
+    counts = [beats(found, room) for room in IN_ROOMS]
+    on, frozen, both = (
+        sum(one) for one in zip(*((c["on"], c["frozen"], all(c.values())) for c in counts), strict=True)
+    )
+    return f"both in {both} of {len(IN_ROOMS)} rooms, learning on in {on}, frozen in {frozen}", found
