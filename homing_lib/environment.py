@@ -176,7 +176,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
-        if homes is not None and not (homes and isinstance(homes, Sequence) and home is model is None):
+        if homes is not None and not (homes and isinstance(homes, Sequence) and home is None and model is None):
             raise UserError("homes: must be a list of poses, and in place of home; a model speaks of one home only")
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
@@ -249,7 +249,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
                     self._require_elsewhere(model)
                 _SURVEYS[key] = models
             self.models = [*_SURVEYS[key]]
-            self.model = self.models[self.sought]
+            self.model = _SURVEYS[key][self.sought]
         return self.model
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
