@@ -14,6 +14,7 @@ import numpy as np
 
 from homing_lib.agent import AGENTS, STEP_COLUMNS, SarsaAgent
 from homing_lib.environment import HomingEnv
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array, similarity
 from homing_lib.robot import wrapped
 from homing_lib.sarsa import Diverged
@@ -105,6 +106,8 @@ def begin(settings: Settings, seed: int, *, apart: bool = False) -> tuple[Homing
     apart: each home is surveyed by a drive of its own, where else one drive serves all.
     """
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
+    if settings.room not in HOMES:
+        raise UserError(f"room {shown(settings.room)}: homes for a tour are known of {', '.join(HOMES)}")
     homes = HOMES[settings.room]
     env = HomingEnv(settings, observation="features", homes=homes, survey_seed=survey_seed)
     if apart:
@@ -134,8 +137,8 @@ def touring(env: HomingEnv, agents: Sequence[Any], next_of: Prioritisation, tour
             except Diverged:
                 legs.append(Leg(goal, np.empty((0, len(STEP_COLUMNS))), env.settings.max_steps, False))
             needs += RATES * legs[-1].steps
-            if legs[-1].home:
-                needs[goal], here = 0, goal
+            here = goal if legs[-1].home else -1
+            needs[goal] *= not legs[-1].home
         yield legs
 
 
