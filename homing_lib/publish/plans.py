@@ -147,9 +147,9 @@ def tours(
     """
     figure, (plan, axes) = panels(2.9, 2, width_ratios=[1.15, 1.4])
     draw_floor_plan(plan, room)
-    for name, pose in enumerate(homes, 1):
+    for which, pose in enumerate(homes, 1):
         _draw_home(plan, pose)
-        note(plan, str(name), _ahead(pose, 0.085, pi), ha="center", va="center", fontweight="bold")
+        note(plan, str(which), _ahead(pose, 0.085, pi), ha="center", va="center", fontweight="bold")
     for (goal, path), (colour, dashes) in zip(legs, LINES, strict=False):
         plan.plot(*path.T, color=colour, linestyle=dashes)
         plan.plot(*path[-1], "o", color=colour, markeredgecolor=INK, markeredgewidth=0.6, markersize=4, zorder=5)

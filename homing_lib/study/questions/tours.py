@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from homing_lib.agent import AGENTS, STEP_COLUMNS, SarsaAgent
+from homing_lib.agent import AGENTS, STEP_COLUMNS
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array, similarity
@@ -36,7 +36,7 @@ from homing_lib.study.measures import fewest_steps
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.questions.home import FAR_M, TURNED_DEG
-from homing_lib.study.robots import FrozenAgent
+from homing_lib.study.robots import driver
 from homing_lib.study.runs import Columns, Study
 from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, later, rows, study
 
@@ -89,15 +89,12 @@ PRIORITIES: dict[str, Prioritisation] = {"plan": plan, "battery": battery, "near
 
 
 class Leg(NamedTuple):
-    """Which home was sought, the steps, shape (T, len(STEP_COLUMNS)), how many they count, and whether it was reached.
+    """A leg; one in which the weights left the finite numbers has no path, and counts as `max_steps`."""
 
-    A leg in which the weights left the finite numbers has no steps, and counts as `max_steps`.
-    """
-
-    goal: int
-    path: Array
+    goal: int  # which home was sought
+    path: Array  # shape (T, len(STEP_COLUMNS))
     steps: int
-    home: bool
+    home: bool  # whether it was reached
 
 
 def begin(settings: Settings, seed: int, *, apart: bool = False) -> tuple[HomingEnv, list[Any]]:
@@ -149,10 +146,8 @@ def summed_up(env: HomingEnv, legs: Sequence[Leg]) -> tuple[float, ...]:
     right = 0
     for leg in legs:
         if leg.home:
-            x, y, heading = leg.path[-1, :3]
-            home = env.homes[leg.goal]
-            turned = abs(wrapped(heading - home.heading))
-            right += np.hypot(x - home.x, y - home.y) <= FAR_M and turned <= radians(TURNED_DEG)
+            x, y, heading = leg.path[-1, :3] - env.homes[leg.goal]
+            right += np.hypot(x, y) <= FAR_M and abs(wrapped(heading)) <= radians(TURNED_DEG)
     goals = int("".join(str(leg.goal) for leg in legs))
     return sum(leg.steps for leg in legs), all(leg.home for leg in legs), right / len(legs), goals
 
@@ -175,17 +170,10 @@ def toured(settings: Settings, seed: int) -> Columns:
                 saved[number] = [agent.learner.weights.copy() for agent in agents]
         for number, weights in saved.items():
             env, agents = begin(settings, seed)
-            for legs in touring(env, frozen(agents, weights, number), plan, 3):
-                seen.append((priority, number, 1, *summed_up(env, legs)))
+            both = zip(agents, weights, strict=True)
+            frozen = [driver("frozen", agent, after(number), its, agent.rng) for agent, its in both]
+            seen += [(priority, number, 1, *summed_up(env, legs)) for legs in touring(env, frozen, plan, 3)]
     return dict(zip(NAMES, np.array(seen, dtype=float).T, strict=True))
-
-
-def frozen(agents: Sequence[SarsaAgent], weights: Sequence[Array], number: int) -> list[FrozenAgent]:
-    """Who drives with these weights, learns no more, and explores as in the tour after this one."""
-    for agent, its in zip(agents, weights, strict=True):
-        agent.learner.weights[:] = its
-        agent.begin_episode(number + 1)
-    return [FrozenAgent(agent) for agent in agents]
 
 
 def toured_apart(settings: Settings, seed: int) -> Columns:
@@ -331,15 +319,9 @@ def compared(room: str, table: Any, legs: Any) -> dict[str, Comparison]:
 
 def verdict_on(found: dict[str, Comparison]) -> str:
     """What the judged comparisons make together, by the predicate below."""
-    words = [
-        verdict_of(
-            [found[f"paper.{name}.form2.{what}"].verdict for what in ("finished", "of climb")],
-            ["above", "fewer"],
-            ["below", "the same", "more"],
-            OF_A_QUESTION,
-        )
-        for name in PRIORITIES
-    ]
+    supporting, contradicting = ("above", "fewer"), ("below", "the same", "more")
+    pairs = [[found[f"paper.{name}.form2.{what}"].verdict for what in ("finished", "of climb")] for name in PRIORITIES]
+    words = [verdict_of(pair, supporting, contradicting, OF_A_QUESTION) for pair in pairs]
     if len({*words}) == 1:
         return words[0]
     return f"with {words.count('yes')} of {len(words)} prioritisations" if "yes" in words else "undecided"
