@@ -22,7 +22,7 @@ from homing_lib.lambdas import AnyRule, LambdaRule, lambda_spec, name_of
 from homing_lib.policy import action_probabilities, decrease_rate, sample
 from homing_lib.sarsa import Diverged, LinearSarsa, silent
 from homing_lib.settings import CONTROLLERS, Settings
-from homing_lib.survey import survey
+from homing_lib.survey import surveys
 
 STEP_COLUMNS = (
     *("x", "y", "heading"),  # of the pose reached: m, m, rad
@@ -277,7 +277,7 @@ def run(
     afterwards: Callable[[HomingEnv, Any], object] = lambda env, agent: None,
     *,
     agent: AgentFactory | None = None,
-    survey: Callable[..., HomeModel] = survey,
+    surveys: Callable[..., list[HomeModel]] = surveys,
     episodes: Callable[..., Episodes] = run_episodes,
 ) -> Run:
     """The whole experiment, fixed to the bit by settings and seed.
@@ -285,14 +285,14 @@ def run(
     agent: makes another `Agent` than the settings' `controller`; whether it uses their alpha0, lambda_rule, ... is then
     up to it. lambda_rule: a function of one's own, or a name, in place of the settings' rule. The run records neither.
     after_episode is called with 1, 2, ..., for progress; afterwards with the world and the trained agent, before both
-    are gone (not if the run diverged). survey, episodes: the functions that do the work; `study.engine` passes compiled
-    ones.
+    are gone (not if the run diverged). surveys, episodes: the functions that do the work; `study.engine` passes its
+    own, compiled.
     """
     seed = seed_of("seed", seed)
     survey_seed, agent_seed, world_seed = np.random.SeedSequence(seed).spawn(3)
     driver = _driver(settings, np.random.default_rng(agent_seed), lambda_rule, agent)
     with HomingEnv(settings, observation="features", survey_seed=survey_seed) as env:
-        env.surveyed(survey)
+        env.surveyed(surveys)
         env.reset(seed=int(world_seed.generate_state(1)[0]))
         result = Run(settings, seed, *episodes(env, driver, settings.episodes, after_episode))
         if not result.diverged:

@@ -18,11 +18,11 @@ from homing_lib.robot import Robot, World, wrapped
 from homing_lib.rooms import Pose, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.surfaces import Image
-from homing_lib.survey import free_pose, survey
+from homing_lib.survey import free_pose, surveys
 from homing_lib.thresholds import stopping_thresholds
 
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
-_SURVEYS: dict[tuple[Any, ...], HomeModel] = {}  # of this process, by all that they depend on, and the threshold
+_SURVEYS: dict[tuple[Any, ...], list[HomeModel]] = {}  # of this process, by all that they depend on, and the threshold
 _WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
@@ -79,7 +79,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     `start`: any pose (x, y, heading) in metres and radians, anticlockwise from the x axis; "uniform", drawn anew for
     each episode from all free poses; or by default as the setting `start` says, the room's. A start may resemble home:
-    the first step is driven all the same. `reset(options={"start": ...})` overrides it for one episode.
+    the first step is driven all the same. `reset(options={"start": ...})` overrides it for one episode, also by "here":
+    where the robot stands.
 
     ## Episode end
 
@@ -135,6 +136,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     needed). `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8,
     480 pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are
     (without, `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
+
+    `homes`: several such poses in place of `home`. The robot has a snapshot of each, and surveys the room once for all,
+    from the first. It seeks one of them, at first the first: `seek(k)` says which, and features, reward and end speak
+    of that one. So a tour is: `seek(k)`, then an episode from "here", again and again.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
@@ -147,6 +152,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         observation: Literal["image", "features"] = "image",
         start: tuple[float, float, float] | Literal["uniform"] | None = None,
         home: tuple[float, float, float] | None = None,
+        homes: Sequence[tuple[float, float, float]] | None = None,
         model: HomeModel | None = None,
         survey_seed: int | np.random.SeedSequence = 0,
         render_mode: str | None = None,
@@ -170,6 +176,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"render_mode = {shown(render_mode)}: must be rgb_array or None")
         if model is not None and model.n_features != n:
             raise UserError(f"model: has {model.n_features} features, the settings ask for {n} (eq. 14)")
+        if homes is not None and not (homes and isinstance(homes, Sequence) and home is None and model is None):
+            raise UserError("homes: must be a list of poses, and in place of home; a model speaks of one home only")
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(3)
         self.observation_space: gymnasium.Space[Any] = spaces[observation]
         self.render_mode = render_mode
@@ -188,15 +196,17 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         else:
             open_ = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
             self.world = self._atlas = open_(self.room, settings)
-        self.model = model
         try:
-            self.home = self.fitting_pose("home", self.room.home if home is None else home)
+            poses = homes or [self.room.home if home is None else home]
+            self.homes = tuple(self.fitting_pose("home", pose) for pose in poses)
+            self.models: list[HomeModel | None] = [model] * len(self.homes)
+            self.seek(0)
             default = "uniform" if settings.start == "uniform" else self.room.start
             self.start = self.start_pose(default if start is None else start)
         except UserError:
             self.close()
             raise
-        self._robot = Robot(self.world, settings, self.home)
+        self.robot = Robot(self.world, settings, self.home)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -211,26 +221,35 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     @property
     def model(self) -> HomeModel | None:
-        """What the robot knows of home: None until it has surveyed the room."""
-        return self._model
+        """What the robot knows of the home that it seeks: None until it has surveyed the room."""
+        return self.models[self.sought]
 
     @model.setter
     def model(self, model: HomeModel | None) -> None:
-        self._model = model
+        self.models[self.sought] = model
         if self._atlas is not None and model is not None:
             self.views = CountedViews(model, self._atlas.most, self._atlas.pixels)
 
-    def surveyed(self, by: Callable[..., HomeModel] | None = None) -> HomeModel:
-        """`model`, from a survey where it is None. by: what makes it, by default `homing_lib.survey.survey`."""
+    def seek(self, number: int) -> None:
+        """Let the robot seek another of the `homes`, 0, 1, ..., from the next `reset` on."""
+        if number not in range(len(self.homes)):
+            raise UserError(f"seek = {shown(number)}: must be one of the {len(self.homes)} homes, 0, 1, ...")
+        self.sought, self._under_way = index(number), False
+        self.home, self.model = self.homes[number], self.models[number]
+
+    def surveyed(self, by: Callable[..., list[HomeModel]] | None = None) -> HomeModel:
+        """`model`, from a survey where it is None. by: what makes those of all homes, by default `survey.surveys`."""
         if self.model is None:
             seen = repr(self.settings.of_scope("view", "lattice", "survey"))
-            key = seen, repr(self.room), self.home, repr(self._survey_seed), self._psi_upper
+            key = seen, repr(self.room), self.homes, repr(self._survey_seed), self._psi_upper
             if key not in _SURVEYS:
                 rng = np.random.default_rng(self._survey_seed)
-                model = (by or survey)(self.world, self.settings, self.home, rng)
-                self._require_elsewhere(model)
-                _SURVEYS[key] = model
-            self.model = _SURVEYS[key]
+                models = (by or surveys)(self.world, self.settings, self.homes, rng)
+                for model in models:
+                    self._require_elsewhere(model)
+                _SURVEYS[key] = models
+            self.models = [*_SURVEYS[key]]
+            self.model = _SURVEYS[key][self.sought]
         return self.model
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -240,9 +259,9 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             raise UserError(f"options = {shown(options)}: must be None or {{'start': ...}}")
         super().reset(seed=seed)
         self.surveyed()
-        start = self.start_pose(options["start"]) if options and "start" in options else self.start
-        self._robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
-        self._path = [self._robot.pose[:2]]
+        start = self.start_of(options)
+        self.robot.place(free_pose(self.world, self.room, self.np_random) if start == "uniform" else start)
+        self._path = [self.robot.pose[:2]]
         self._steps, self._under_way = 0, True
         observation, self._similarity = self._look()
         return observation, self._info(-1, False)
@@ -250,7 +269,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def place(self, pose: tuple[float, float, float]) -> None:
         """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
         self._require()
-        self._robot.place(self.fitting_pose("place", pose))
+        self.robot.place(self.fitting_pose("place", pose))
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
@@ -258,13 +277,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         if not (type(action) is int and 0 <= action <= 2) and not self.action_space.contains(action):
             raise UserError(f"action = {shown(action)}: must be 0, 1 or 2")
         self._steps += 1
-        driven, at_wall = self._robot.act(int(action), self.np_random)
+        driven, at_wall = self.robot.act(int(action), self.np_random)
         before, (observation, nrb) = self._similarity, self._look()
         self._similarity, terminated = nrb, nrb >= self._psi_upper
         gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings, home=terminated)
         truncated = not terminated and self._steps >= self.settings.max_steps
         if self.render_mode is not None:
-            self._path.append(self._robot.pose[:2])
+            self._path.append(self.robot.pose[:2])
         return observation, gain, terminated, truncated, self._info(driven, at_wall)
 
     def render(self) -> Image | None:
@@ -279,7 +298,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
             with nullcontext(self._arena) if self._arena else arena.Arena(self.room, self.settings) as world:
                 self._top_view = world.top_view()
-        return draw(self._top_view, self.room, self.settings, self._path, self._robot.pose, self.home)
+        return draw(self._top_view, self.room, self.settings, self._path, self.robot.pose, self.home)
 
     def close(self) -> None:
         """Free the simulator. Closing twice is harmless; anything else afterwards is refused."""
@@ -303,14 +322,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         """The observation from where the robot is, and its similarity."""
         assert self.model is not None
         if self._atlas is not None:
-            features = self.views.features(self._atlas.views[self._atlas.nearest(self._robot.pose)])
+            features = self.views.features(self._atlas.views[self._atlas.nearest(self.robot.pose)])
             return features, similarity(features)
-        image = self._arena.image(self._robot.pose)
+        image = self._arena.image(self.robot.pose)
         features = self.model.features(histogram(image, self.settings.bin_size))
         return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
 
     def _info(self, driven: int, at_wall: bool) -> dict[str, Any]:
-        pose, reflex = self._robot.pose, -1 if self._robot.reflex is None else self._robot.reflex
+        pose, reflex = self.robot.pose, -1 if self.robot.reflex is None else self.robot.reflex
         return {"similarity": self._similarity, "pose": pose, "action": driven, "reflex": reflex, "at_wall": at_wall}
 
     def _require_elsewhere(self, model: HomeModel) -> None:
@@ -323,6 +342,11 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def start_pose(self, start: Any) -> Pose | Literal["uniform"]:
         """A start as it is, once it is known to be free. Raises UserError."""
         return "uniform" if isinstance(start, str) and start == "uniform" else self.fitting_pose("start", start)
+
+    def start_of(self, options: dict[str, Any] | None) -> Pose | Literal["uniform"]:
+        """Where an episode with these options begins. Raises UserError."""
+        start = (options or {}).get("start", self.start)
+        return self.robot.pose if isinstance(start, str) and start == "here" else self.start_pose(start)
 
     def fitting_pose(self, what: str, pose: Any) -> Pose:
         """The pose, heading wrapped, if the robot fits there. Raises UserError, which names `what`, if it does not."""

@@ -1,6 +1,6 @@
 """What the robot does before it learns: it looks at its home, then drives about at random (section III.A-B)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import radians
 
 import numpy as np
@@ -28,13 +28,28 @@ def survey(
 
     The first snapshot faces home, further ones are turned by `snapshot_angle_deg` to either side.
     """
+    return surveys(world, settings, [home], rng, wander=wander)[0]
+
+
+def surveys(
+    world: World,
+    settings: Settings,
+    homes: Sequence[Pose],
+    rng: np.random.Generator,
+    *,
+    wander: Callable[..., Array] = wander,
+) -> list[HomeModel]:
+    """`survey` of several homes by one drive, from the first: what it sees gives sigma^2 about each's snapshots."""
     angle = radians(settings.snapshot_angle_deg)
     turns = (0.0, angle, -angle)[: settings.snapshots]
-    snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
-    seen = wander(world, settings, home, rng)
+    seen = wander(world, settings, homes[0], rng)
     floor = (settings.variance_floor_pixels / settings.image_size**2) ** 2
-    variance = difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
-    return HomeModel(snapshots, variance)
+    models = []
+    for home in homes:
+        snapshots = np.array([world.histogram(home._replace(heading=home.heading + turn)) for turn in turns])
+        variance = difference_variance(seen, snapshots, variance=settings.variance, centre=settings.centre, floor=floor)
+        models.append(HomeModel(snapshots, variance))
+    return models
 
 
 def free_pose(world: World, room: Room, rng: np.random.Generator) -> Pose:

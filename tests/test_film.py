@@ -169,3 +169,14 @@ def test_what_cannot_be_filmed_is_one_line_and_leaves_nothing(tmp_path, monkeypa
     assert homing_film(path, *options, **changes) == 1
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"homing: {line.format(out=path)}")
     assert [left.name for left in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_film_of_a_tour_shows_its_legs_one_after_the_other(tmp_path, capsys):
+    assert homing_film(tmp_path / "tour.gif", "--tour") == 0
+    assert len(iio.imread(tmp_path / "tour.gif")) == 1 + 3 * 5 + HOLD
+
+
+def test_a_tour_of_a_room_without_homes_for_it_is_refused(tmp_path, capsys):
+    assert homing_film(tmp_path / "tour.gif", "--tour", room="cell") == 1
+    assert capsys.readouterr().err == "homing: room 'cell': homes for a tour are known of paper, workshop\n"
+    assert not [*tmp_path.iterdir()]

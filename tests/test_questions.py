@@ -11,7 +11,19 @@ from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
 from homing_lib.study import bootstrap, findings
 from homing_lib.study.bootstrap import Interval
-from homing_lib.study.questions import claims, conjugate, drives, home, instead, learns, printed, rooms, varying, worth
+from homing_lib.study.questions import (
+    claims,
+    conjugate,
+    drives,
+    home,
+    instead,
+    learns,
+    printed,
+    rooms,
+    tours,
+    varying,
+    worth,
+)
 from homing_lib.study.studies import ROOMS, labelled
 
 SEEDS = 12
@@ -322,6 +334,35 @@ def earlier(*first):
     return curves({name: good_from(one, 300, 300.0) for name, one in good})
 
 
+def toured(finished=1.0, **steps):
+    """All tables of `tours`. Of form 2 with the defaults: the share of tours finished, and steps by prioritisation, 50
+    where none are named; whoever else drives takes 100.
+    """
+    index = pd.MultiIndex.from_product([range(SEEDS), range(3), range(1, tours.TOURS + 1)])
+    every = index.set_names(["seed", "priority", "tour"]).to_frame(index=False)
+    ours = np.array([np.resize(steps.get(name, 50.0), SEEDS) for name in tours.PRIORITIES])
+
+    def in_room(room):
+        conditions = tours.conditions(room)
+        known = {settings: who for who, settings in conditions.items()}
+        made = []
+        for settings in conditions.values():
+            is_ours = known[settings] == "form2"
+            taken = (ours[every.priority, every.seed] if is_ours else 100) * SPREAD[every.seed]
+            share = np.resize(finished if is_ours else 1.0, SEEDS)[every.seed]
+            table = every.assign(frozen=0, steps=taken, finished=share, right=1.0, goals=12)
+            frozen = [table[(table.priority == 0) & (table.tour == 1)].assign(frozen=after) for after in tours.AFTER]
+            names = ("controller", "episodes", "lambda_rule", "update")
+            made += [one.assign(**{name: getattr(settings, name) for name in names}) for one in (table, *frozen)]
+        return pd.concat(made)
+
+    pairs = [(whence, goal) for whence in range(4) for goal in range(3) if whence != goal]
+    legs = pd.DataFrame(pairs, columns=["whence", "goal"]).assign(steps=10.0, seed=0)
+    shortest = pd.concat([legs.assign(room=room) for room in tours.HOMES])
+    paper = in_room("paper")
+    return paper, in_room("workshop"), paper[paper.lambda_rule == Settings().lambda_rule], shortest
+
+
 # The truth tables: a question, its verdict and the tables that give it
 
 TRUTHS = [
@@ -361,6 +402,13 @@ TRUTHS = [
     ("worth", "within 20 episodes in 0 of 6 rooms, within 60 in 2", lambda: added_up((), ("cell", "hall"))),
     ("instead", "fewer throughout", lambda: installed(100)),
     ("instead", "fewer up to 5,000 steps, more from 20,000 on", lambda: installed(20)),
+    ("tours", "yes", toured),
+    ("tours", "no", lambda: toured(plan=200.0, battery=100.0, nearest=150.0)),
+    ("tours", "no", lambda: toured(finished=0.9)),
+    ("tours", "with 2 of 3 prioritisations", lambda: toured(plan=200.0)),
+    ("tours", "with 1 of 3 prioritisations", lambda: toured(plan=200.0, nearest=95 * DOUBT)),
+    ("tours", "undecided", lambda: toured(plan=200.0, battery=95 * DOUBT, nearest=95 * DOUBT)),
+    ("tours", "undecided", lambda: toured(finished=np.resize([0.96, 1.0], SEEDS))),
     ("C1", "by construction", lambda: directions(3)),
     ("C1", "contradicted", lambda: directions([*[3] * 11, 2])),
     ("C2", "supported", against_fixed),

@@ -147,12 +147,13 @@ def run(seed: int, changes: tuple[str, ...], out: Path | None, as_printed: bool)
 @click.option("--seed", type=SEED, default=1000, metavar="N", help="By default 1000, of the stored runs.")
 @_changes
 @click.option("--episode", type=int, metavar="N", help="The other one: 2, 3, ...; by default the last of the run.")
+@click.option("--tour", is_flag=True, help="Instead a late tour of three homes, when as many tours were learnt.")
 @click.option("--out", type=Path, default=Path("film.mp4"), metavar="FILE", show_default=True)
-def film(seed: int, changes: tuple[str, ...], episode: int | None, out: Path) -> None:
+def film(seed: int, changes: tuple[str, ...], episode: int | None, tour: bool, out: Path) -> None:
     """The first episode beside another, as MP4 or GIF: robot's view, room from above, similarity and lambda."""
     from homing_lib.publish import film
 
-    film.film(changed_settings(changes), seed, episode, out)
+    film.film(changed_settings(changes), seed, episode, out, tour=tour)
 
 
 @homing.command()

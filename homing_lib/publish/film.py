@@ -23,6 +23,7 @@ from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import atomic_write
 from homing_lib.study import runs
+from homing_lib.study.questions import tours
 from homing_lib.study.studies import HEADLINE
 from homing_lib.thresholds import stopping_thresholds
 
@@ -44,11 +45,12 @@ _SAME_BYTES = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]
 _LARGER: dict[str, Any] = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "lines.linewidth": 2}
 
 
-def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None:
+def film(settings: Settings, seed: int, episode: int | None, path: Path, *, tour: bool = False) -> None:
     """Film the first episode of a run beside episode 2, 3, ... or its last, as GIF or MP4; see `timetable`.
 
     A stored run of the headline is taken as it is, any other is run first. The robot's views are rendered from the
-    poses that the run has kept. Raises UserError in one line for what cannot be.
+    poses that the run has kept. tour: instead, after as many tours as the settings have episodes, one of three homes.
+    Raises UserError in one line for what cannot be.
     """
     require_camera("a film is rendered, and")
     from homing_lib.arena import Arena
@@ -63,12 +65,12 @@ def film(settings: Settings, seed: int, episode: int | None, path: Path) -> None
     with atomic_write(path) as part:
         part.touch()  # tried before any work is done
         codec, dpi, options = _KINDS[path.suffix.lower()]
-        result = _run(settings, seed)
-        if len(result.lengths) < number:
+        result, shown = _tour(settings, seed) if tour else (_run(settings, seed), {})
+        if not tour and len(result.lengths) < number:
             raise UserError(f"--episode {number}: the run diverged in episode {result.diverged}")
         ffmpeg = {"animation.ffmpeg_path": imageio_ffmpeg.get_ffmpeg_exe()}
         with Arena(room, settings) as arena, house_style(_LARGER | ffmpeg):
-            scene = Scene(arena, result, sorted({1, number}))
+            scene = Scene(arena, result, [1] if tour else sorted({1, number}), **shown)
             steps = timetable([len(one.poses) - 1 for one in scene.episodes])
             writer = FFMpegWriter(FRAMES_PER_SECOND, codec, extra_args=options + _SAME_BYTES)
             try:
@@ -100,16 +102,37 @@ def _run(settings: Settings, seed: int) -> Run:
         return run(settings, seed, after_episode=lambda _: bar.update())
 
 
+def _tour(settings: Settings, seed: int) -> tuple[Run, dict[str, Any]]:
+    """Of the last tours that of median length, as a run of one episode, and what `_Episode` must know of it."""
+    env, agents = tours.begin(settings, seed)
+    starts, driven = [env.robot.pose], []
+    with env, tqdm(total=settings.episodes, desc="tours", unit="tour") as bar:
+        for legs in tours.touring(env, agents, tours.plan, settings.episodes):
+            driven.append(legs)
+            starts.append(env.robot.pose)
+            bar.update()
+    late = range(settings.episodes)[-tours.LATE :]
+    number = sorted(late, key=lambda one: sum(leg.steps for leg in driven[one]))[len(late) // 2]
+    steps = np.concatenate([leg.path for leg in driven[number]])
+    homes = [env.homes[leg.goal] for leg in driven[number] for _ in leg.path]
+    reached = np.array([all(leg.home for leg in driven[number])])
+    shown = {"name": f"tour {number + 1}", "start": starts[number], "homes": [*homes[:1], *homes]}
+    return Run(settings, seed, steps, np.array([len(steps)]), reached, 0), shown
+
+
 class Scene:
-    """Episodes side by side, redrawn for one step after the other. Step 0 is the start."""
+    """Episodes side by side, redrawn for one step after the other. Step 0 is the start.
+
+    name, start, homes: of one that is no episode of the room; which home is sought at each step.
+    """
 
     @house_style(_LARGER)
-    def __init__(self, arena: "Arena", result: Run, numbers: Sequence[int]) -> None:
+    def __init__(self, arena: "Arena", result: Run, numbers: Sequence[int], **shown: Any) -> None:
         self.figure = Figure(figsize=(4.4 * len(numbers), 4.4))
         (columns,) = self.figure.subfigures(1, len(numbers), squeeze=False)
         top_view, longest = arena.top_view(), max(result.lengths[number - 1] for number in numbers)
         self.episodes = [
-            _Episode(arena, top_view, result, number, column, longest)
+            _Episode(arena, top_view, result, number, column, longest, **shown)
             for number, column in zip(numbers, columns, strict=True)
         ]
         self.draw(0)
@@ -126,11 +149,22 @@ class _Episode:
     """One episode: above, the room and what the robot sees there; below, similarity and lambda so far."""
 
     def __init__(
-        self, arena: "Arena", top_view: Any, result: Run, number: int, figure: SubFigure, longest: int
+        self,
+        arena: "Arena",
+        top_view: Any,
+        result: Run,
+        number: int,
+        figure: SubFigure,
+        longest: int,
+        *,
+        name: str = "",
+        start: Pose | None = None,
+        homes: Sequence[Pose] = (),
     ) -> None:
-        self._arena, self._top_view, self._number = arena, top_view, number
+        self._arena, self._top_view, self._name, self._homes = arena, top_view, name or f"episode {number}", homes
+        start = start or arena.room.start
         self._steps = dict(zip(STEP_COLUMNS, result.episode(number).T, strict=True))
-        self.poses = [arena.room.start, *map(Pose, *(self._steps[name].tolist() for name in ("x", "y", "heading")))]
+        self.poses = [start, *map(Pose, *(self._steps[name].tolist() for name in ("x", "y", "heading")))]
         self._end = "home" if result.reached[number - 1] else "cut"
         width, depth = arena.room.size
         self.panels: dict[str, Axes] = figure.subplot_mosaic(
@@ -140,7 +174,7 @@ class _Episode:
         )
         picture(self.panels["room"], top_view, "")
         self._title = self.panels["room"].set_title("episode")
-        picture(self.panels["view"], arena.image(arena.room.start), "")
+        picture(self.panels["view"], arena.image(start), "")
         self.panels["view"].set_title("its view", loc="right")
         upper, lower = self.panels["similarity"], self.panels["lambda"]
         psi = stopping_thresholds(result.settings.multiplier).upper
@@ -159,7 +193,8 @@ class _Episode:
         """Bring all panels to this step."""
         pose, room = self.poses[step], self._arena.room
         path = [passed[:2] for passed in self.poses[: step + 1]]
-        self.panels["room"].images[0].set_data(draw(self._top_view, room, self._arena.settings, path, pose))
+        home = self._homes[step] if self._homes else room.home
+        self.panels["room"].images[0].set_data(draw(self._top_view, room, self._arena.settings, path, pose, home))
         self.panels["view"].images[0].set_data(self._arena.image(pose)[:, :, :3])
         passed, lambda_ = np.arange(1, step + 1), self._steps["lambda"][:step]
         reset = self._steps["clipped"][:step] > 0
@@ -168,4 +203,4 @@ class _Episode:
         self._kept.set_data(passed[~reset], lambda_[~reset])
         self._reset.set_data(passed[reset], lambda_[reset])
         end = f": {self._end}" if step == len(self.poses) - 1 else ""
-        self._title.set_text(f"episode {self._number}, step {step}{end}")
+        self._title.set_text(f"{self._name}, step {step}{end}")

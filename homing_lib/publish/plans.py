@@ -14,10 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from homing_lib.features import Array
-from homing_lib.publish.parts import beside, mark, name_rows, note, panels, picture
-from homing_lib.publish.style import BLUE, COLOURS, DASHED, GREEN, INK, ORANGE, TEXT_WIDTH, Look, styled
+from homing_lib.publish.parts import beside, curve, level, log_axis, mark, name_rows, note, panels, picture
+from homing_lib.publish.style import BLUE, COLOURS, DASHED, GREEN, INK, LINES, ORANGE, TEXT_WIDTH, Look, styled
 from homing_lib.rooms import Box, Pose, Room
 from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import band
 from homing_lib.study.findings import Comparison
 from homing_lib.surfaces import Image
 
@@ -131,6 +132,45 @@ def maps(shares: Mapping[str, tuple[Array, Array, Array]], room: Room, label: st
 
 
 @styled
+def tours(
+    room: Room,
+    homes: Sequence[Pose],
+    legs: Sequence[tuple[int, Array]],
+    learning: Array,
+    levels: Mapping[str, float],
+    frozen: Mapping[int, Comparison],
+) -> Figure:
+    """A tour over the floor plan, and the steps of a tour, by how many came before.
+
+    legs: which home each seeks, and its positions, shape (T, 2), from where it begins; learning: steps of tours while
+    the robots learn on, shape (robots, tours); levels: those of others, by name; frozen: after how many tours, steps.
+    """
+    figure, (plan, axes) = panels(2.9, 2, width_ratios=[1.15, 1.4])
+    draw_floor_plan(plan, room)
+    for which, pose in enumerate(homes, 1):
+        _draw_home(plan, pose)
+        note(plan, str(which), _ahead(pose, 0.085, pi), ha="center", va="center", fontweight="bold")
+    for (goal, path), (colour, dashes) in zip(legs, LINES, strict=False):
+        plan.plot(*path.T, color=colour, linestyle=dashes)
+        plan.plot(*path[-1], "o", color=colour, markeredgecolor=INK, markeredgewidth=0.6, markersize=4, zorder=5)
+        middle = path[len(path) // 2]
+        beside(plan, f"to {goal + 1}: {len(path) - 1} steps", tuple(middle), (5, 5), color=colour)
+    plan.set_title("one tour; dots: where a leg ended")
+    number = np.arange(1, learning.shape[1] + 1)
+    curve(axes, number, band(learning), (COLOURS["learning on"], "-"), alpha=0.35)
+    beside(axes, "learning on", (number[2], learning[:, 2].mean()), (6, 4), color=COLOURS["learning on"])
+    for after, steps in frozen.items():
+        axes.vlines(after, steps.low, steps.high, color=COLOURS["frozen"], linewidth=1.4)
+        axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
+    beside(axes, "frozen after so many", (after, steps.value), (6, -3), color=COLOURS["frozen"])
+    axes.set(xlabel="tour", ylabel="steps of a tour", xlim=(1, number[-1]), yscale="log")
+    for name, value in levels.items():
+        level(axes, value, name)
+    log_axis(axes, "y")
+    return figure
+
+
+@styled
 def home(
     similarity: Array, room: Room, psi_upper: float, turned: Array, profile: Array, stops: tuple[Array, Array, Array]
 ) -> Figure:
@@ -185,11 +225,16 @@ def draw_floor_plan(axes: Axes, room: Room) -> None:
 def _draw_ends(axes: Axes, room: Room, diameter_m: float = 0.07) -> None:
     """Home, a square, and the start, a triangle: as wide as the robot, and pointing where it looks."""
     radius = diameter_m / 2
-    look: dict[str, Any] = {"closed": True, "facecolor": "white", "edgecolor": INK, "linewidth": 0.9, "zorder": 3}
-    home, start = room.home, room.start
-    axes.add_patch(patches.Polygon([_ahead(home, radius * 2**0.5, pi / 4 + k * pi / 2) for k in range(4)], **look))
+    _draw_home(axes, room.home, radius)
+    axes.add_patch(patches.Polygon([_ahead(room.start, 1.3 * radius, turn) for turn in (0.0, 2.4, -2.4)], **_END))
+
+
+_END: dict[str, Any] = {"closed": True, "facecolor": "white", "edgecolor": INK, "linewidth": 0.9, "zorder": 3}
+
+
+def _draw_home(axes: Axes, home: Pose, radius: float = 0.035) -> None:
+    axes.add_patch(patches.Polygon([_ahead(home, radius * 2**0.5, pi / 4 + k * pi / 2) for k in range(4)], **_END))
     axes.plot(*zip(home[:2], _ahead(home, radius), strict=True), color=INK, linewidth=1.4, zorder=4)
-    axes.add_patch(patches.Polygon([_ahead(start, 1.3 * radius, turn) for turn in (0.0, 2.4, -2.4)], **look))
 
 
 def _draw_walls(axes: Axes, room: Room) -> None:

@@ -4,7 +4,7 @@
 of `agent` and `robots`, with accumulating traces and a lambda rule that is fixed, drawn beforehand (`beforehand`), or a
 function that `compiling` can compile. All else runs in Python, as does, once more, each run in which something goes
 wrong, so that Python says what. Weights, traces, rates and generators are left as Python leaves them; not so the
-robot's place and what the learner shows of its last step. `after_episode` is called when all episodes are over.
+robot's reflex and what the learner shows of its last step. `after_episode` is called when all episodes are over.
 """
 
 import math
@@ -23,7 +23,7 @@ from homing_lib import agent as in_python
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
 from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv
-from homing_lib.features import Array
+from homing_lib.features import Array, HomeModel
 from homing_lib.lambdas import Fixed, LambdaRule
 from homing_lib.robot import FRONT_SENSORS, Robot
 from homing_lib.rooms import Pose
@@ -32,7 +32,7 @@ from homing_lib.settings import Settings
 from homing_lib.study import methods  # noqa: F401, so that settings know them by name
 from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, RestoredAgent
-from homing_lib.survey import survey
+from homing_lib.survey import surveys
 from homing_lib.thresholds import stopping_thresholds
 
 ROWS = 50_000  # steps that one call of the compiled code makes, unless an episode may take more
@@ -55,7 +55,7 @@ def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None =
     """`agent.run`, compiled. Raises ForPython where it cannot be."""
     if settings.images == "camera" or load() is None:
         raise ForPython
-    return in_python.run(settings, seed, lambda_rule, survey=_survey, episodes=_episodes, **how)
+    return in_python.run(settings, seed, lambda_rule, surveys=_surveys, episodes=_episodes, **how)
 
 
 def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
@@ -72,9 +72,8 @@ def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = 
         raise ForPython
     if options and {*options} != {"start"}:
         raise ForPython
-    env.surveyed(_survey)
-    start = env.start_pose(options["start"]) if options else env.start
-    steps, _, reached, _ = _drive_or_restore(env, agent, [_rates(agent)], start)
+    surveyed(env)
+    steps, _, reached, _ = _drive_or_restore(env, agent, [_rates(agent)], env.start_of(options))
     return steps, bool(reached[0])
 
 
@@ -113,7 +112,12 @@ def _wander(world: Any, settings: Settings, home: Pose, rng: np.random.Generator
     return views
 
 
-_survey = partial(survey, wander=_wander)
+_surveys = partial(surveys, wander=_wander)
+
+
+def surveyed(env: HomingEnv) -> HomeModel:
+    """`env.surveyed`, as fast."""
+    return env.surveyed(_surveys if load() is not None and isinstance(env.world, Atlas) else None)
 
 
 def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[int], object]) -> Episodes:
@@ -176,7 +180,10 @@ def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episo
         sarsa.learner.steps += int(progress[3])
         if _draws(drawn := _unwrapped(sarsa.learner.lambda_rule)):
             drawn.beforehand(int(progress[2]))
-    return np.concatenate(blocks), lengths[:done], reached[:done], int(done + 1 if diverged else 0)
+    steps = np.concatenate(blocks)
+    if len(steps):  # of which there are none where the first episode diverged
+        env.robot.place(Pose(*steps[-1, :3].tolist()))
+    return steps, lengths[:done], reached[:done], int(done + 1 if diverged else 0)
 
 
 # --- What the compiled code is given ----------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 from homing_lib.agent import Run
 from homing_lib.environment import HomingEnv
 from homing_lib.features import similarity
-from homing_lib.robot import drive
+from homing_lib.robot import LEFT_FORWARD, RIGHT_FORWARD, Robot
 from homing_lib.rooms import Pose
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run
@@ -109,26 +109,33 @@ def shortest(settings: Settings, seed: int) -> Columns:
     return rows_after(surveyed, seed, ("steps",), lambda env, agent: [(fewest_steps(env),)])
 
 
-def fewest_steps(env: HomingEnv) -> float:
-    """The least number of steps from the room's start to a view that ends an episode.
+def fewest_steps(env: HomingEnv, start: Pose | None = None, *, walls: bool = False) -> float:
+    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
 
     Breadth-first search over poses, of which two in the same cell of 2 cm and 10 degrees count as one, so that the
-    least is approximate. Moves that a wall stops are left out.
+    least is approximate. Moves that a wall stops are left out; with `walls` they count, and the turns that the reflex
+    then makes, to whichever side is better.
     """
     s, model = env.settings, env.model
     assert model is not None
-    upper = stopping_thresholds(s.multiplier).upper
-    frontier, seen = [env.room.start], set()
+    upper, robot, rng = stopping_thresholds(s.multiplier).upper, Robot(env.world, s, env.home), np.random.default_rng(0)
+    frontier: list[tuple[Pose, int | None]] = [(start or env.room.start, None)]
+    seen: set[tuple[int | None, ...]] = set()
     for steps in range(1, s.max_steps + 1):
         reached = []
-        for pose, (left, right) in product(frontier, s.wheel_commands_m):
-            there, stopped = drive(pose, left, right, s.wheel_base_m, env.world.clearance)
-            cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36)
-            if stopped or cell in seen:
-                continue
-            if similarity(model.features(env.world.histogram(there))) >= upper:
-                return float(steps)
-            seen.add(cell)
-            reached.append(there)
+        for (pose, reflex), action in product(frontier, range(3)):
+            robot.pose, robot.reflex = pose, reflex
+            robot.act(action, rng)
+            there, then = robot.pose, [robot.reflex]
+            if robot.reflex is not None and reflex is None:  # stopped
+                then = [LEFT_FORWARD, RIGHT_FORWARD] if walls else []
+            for side in then:
+                cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36, side)
+                if cell in seen:
+                    continue
+                if similarity(model.features(env.world.histogram(there))) >= upper:
+                    return float(steps)
+                seen.add(cell)
+                reached.append((there, side))
         frontier = reached
     return float("nan")
