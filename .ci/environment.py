@@ -1,4 +1,4 @@
-"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]...`, in the root of a clone.
+"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]...`, in a clone.
 
 With a LOCK it holds exactly the locked packages, those of all LOCKs, without one whatever pip finds for this Python.
 """
