@@ -9,7 +9,7 @@ from homing_lib.__main__ import main
 from homing_lib.publish import demo
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT
-from homing_lib.teach import handouts
+from homing_lib.teach import handouts, lab
 
 TEACHING = (ROOT / "notebooks/TEACHING.md").read_text(encoding="utf-8")
 STATES = sorted({*re.findall(r"\]\([^)#]+#([^)]+)\)", TEACHING)})
@@ -55,6 +55,21 @@ def test_the_lab_takes_as_long_as_its_own_headings_and_its_guide_say():
         (list(task), len(time)) for time, task in timetable("Lab") if task
     ]
     assert tasks == re.findall(r"^\| (\d · .*?) \| (\d+) \|", handouts.GUIDE.read_text(encoding="utf-8"), re.M)
+
+
+def test_in_each_task_of_the_lab_half_of_the_points_are_for_checks_and_all_checks_have_some():
+    rows = re.findall(r"^\| \d · .* \| (\d.*) \| (\d) \|$", handouts.GUIDE.read_text(encoding="utf-8"), re.M)
+    points = [dict(re.findall(r"(\w+): (\S)", checks.replace(",", " "))) for checks, _ in rows]
+    assert [sum(0.5 if one == "½" else int(one) for one in each.values()) for each in points] == [
+        int(words) for _, words in rows
+    ]
+    assert [check for each in points for check in each] == [task.title.split(" · ")[0] for task in lab.TASKS]
+
+
+def test_the_students_set_up_check_ends_with_a_table_of_one_row(capsys):
+    readme = handouts.GUIDE.with_name("README.md").read_text(encoding="utf-8")
+    exec(re.search(r'^\.venv/bin/python -c "(.*)"$', readme, re.MULTILINE)[1], {})
+    assert [line.split(" | ")[0] for line in capsys.readouterr().out.splitlines()] == ["| learner", "| ---", "| gate"]
 
 
 @pytest.fixture

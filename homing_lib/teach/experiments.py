@@ -158,9 +158,7 @@ def without_verdicts(compared: rules.Rules) -> str:
     """Total steps, and those of the student's rule as a multiple of each, of a few robots and of all, in Markdown."""
     steps, *_ = compared.steps.values()
     few, ratios = mine_against(compared.of_first(FEW)), mine_against(compared)
-    rows = [
-        f"| driver | steps of all episodes, mean | multiple, first {FEW} robots | multiple, all {len(steps):,} robots |"
-    ]
+    rows = [f"| driver | steps, mean | multiple, first {FEW} robots | multiple, all {len(steps):,} robots |"]
     rows.append("|---|---|---|---|")
     for label, steps in compared.steps.items():
         ratio = f"{few[label]:.2f} | {ratios[label]:.2f}" if label in ratios else " | "
