@@ -72,7 +72,7 @@ def project(folder: Path) -> Path:
     script(folder / "paper/install-tex.sh", "#!/bin/sh\n")
     sources = ["notebooks/01-a.ipynb", "notebooks/02-b.ipynb", "notebooks/lab.ipynb", "notebooks/demo/page.html"]
     sources += ["paper/report.tex", "paper/lectures/preamble.tex", "paper/lectures/blame.tex", "figures/film.gif"]
-    sources += ["notebooks/TEACHING.md", BYTE_CODE]
+    sources += ["notebooks/TEACHING.md", "paper/references.bib", BYTE_CODE]
     for path in (folder / name for name in [*sources, "README.md", "environment.lock", "pyproject.toml", *LIBRARY]):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -154,6 +154,7 @@ STUDIED = ["verify", "summary", NUMBERS, *NOTEBOOKS, *SET, "demo", "site"]
         ("notebooks/TEACHING.md", ["site"]),
         ("notebooks/demo/page.html", ["demo", "site"]),
         ("paper/report.tex", [NUMBERS, *SET, "site"]),
+        ("paper/references.bib", ["report", "site"]),
         ("paper/lectures/blame.tex", [NUMBERS, *SET, "site"]),
     ],
 )
@@ -198,6 +199,19 @@ def test_whatever_fails_ends_make_with_an_error_and_is_made_again(failing, tmp_p
     assert make(tmp_path, *ALL).returncode != 0
     (tmp_path / "failing").unlink()
     assert failing in asked(tmp_path, *ALL)
+
+
+@pytest.mark.parametrize(
+    "said", [r"Overfull \hbox (3pt too wide)", "LaTeX Warning: Reference `a' on page 1 undefined", "Half-empty page 4"]
+)
+def test_a_report_of_which_latex_complains_is_not_kept(said, tmp_path):
+    log = project(tmp_path) / ".build/paper/report.log"
+    log.parent.mkdir(parents=True)
+    log.write_text(f"{said}\n")
+    done = make(tmp_path, "paper")
+    assert done.returncode != 0
+    assert said in done.stderr
+    assert not (tmp_path / "paper/report.pdf").exists()
 
 
 @pytest.mark.parametrize(
