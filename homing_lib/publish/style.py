@@ -34,6 +34,8 @@ COLOURS = {
     "extension": GREEN,
     "climb": GREY,
     "random": INK,
+    "standard": PINK,
+    "simple": ORANGE,
 }
 """One for each thing, in all figures."""
 
