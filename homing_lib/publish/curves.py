@@ -206,16 +206,31 @@ def simple(
     """
     figure, (left, right) = panels(2.9, 2, width_ratios=[1.3, 1])
     for (who, taken), (_, dashes) in zip(learning.items(), LINES, strict=False):
-        curve(left, times, band(taken), (COLOURS[who], dashes))
+        # Not the mean: whoever takes long is met under way more often.
+        curve(left, times, np.percentile(taken, (50, 25, 75), axis=0), (COLOURS[who], dashes))
         steps = np.sort(frozen[who])
         home = 100 * np.arange(1, len(steps) + 1) / len(steps)
         right.step(steps, home, where="post", color=COLOURS[who], linestyle=dashes)
     log_axis(left, "y")
-    left.set(ylabel="steps of the episode under way", xlabel="steps of the environment", xlim=(times[0], times[-1]))
-    level(left, shortest, "")
-    level(left, limits[0] * shortest, f"{limits[0]:g} times the shortest way", at=0.45)
+    left.set(
+        ylabel="steps of the episode under way\n(median and middle half of the robots)",
+        xlabel="steps of the environment",
+        xlim=(times[0], times[-1]),
+    )
+    for multiple in (1.0, limits[0]):
+        left.axhline(multiple * shortest, **DASHED)
+    beside(
+        left,
+        f"shortest way, and {limits[0]:g} times it",
+        (0.99, shortest),
+        (0, -10),
+        ha="right",
+        xycoords=("axes fraction", "data"),
+    )
+    left.set_ylim(bottom=0.7 * shortest)
     right.axvline(limits[1] * shortest, **DASHED)
-    right.set(ylabel="robots that are home (%)", xlabel="steps, frozen and greedy", ylim=(0, 102), xlim=(15, 2000))
+    right.set(ylabel="robots that are home (%)", xlabel="steps, frozen and greedy", ylim=(0, 102))
+    right.set_xlim(0.75 * shortest, 10 * shortest)
     log_axis(right, "x", narrow=True)
     beside(right, f"{limits[1]:g} times the shortest way", (limits[1] * shortest, 2), (4, 0))
     for axes, title in zip((left, right), titles, strict=True):
