@@ -11,8 +11,33 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
-from homing_lib.publish.parts import beside, curve, label_ends, level, log_axis, mark, name_rows, note, panels
-from homing_lib.publish.style import BLUE, COLOURS, DASHED, GREY, INK, LINES, ORANGE, SKY, TEXT_WIDTH, shown_as, styled
+from homing_lib.publish.parts import (
+    beside,
+    curve,
+    handle,
+    key,
+    label_ends,
+    level,
+    log_axis,
+    mark,
+    name_rows,
+    note,
+    panels,
+)
+from homing_lib.publish.style import (
+    BLUE,
+    COLOURS,
+    DASHED,
+    GREY,
+    INK,
+    LINES,
+    ORANGE,
+    SKY,
+    TEXT_WIDTH,
+    Look,
+    shown_as,
+    styled,
+)
 from homing_lib.study.bootstrap import Interval, band
 from homing_lib.study.findings import Comparison, Finding
 from homing_lib.study.rules import Rules
@@ -185,6 +210,60 @@ def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], start
         log_axis(axes, "y")
     label_ends(axes, ends)
     grid[0].set_ylabel("steps / those of the climb")
+    return figure
+
+
+@styled
+def simple(
+    times: Sequence[int],
+    learning: Mapping[str, Array],
+    frozen: Mapping[str, Array],
+    names: Mapping[str, str],
+    shortest: float,
+    limits: tuple[float, float],
+    titles: tuple[str, str],
+) -> Figure:
+    """Who learns within how many steps of the environment, and who then comes home frozen.
+
+    learning: steps of the episode under way at these times, shape (robots, times); frozen: steps of each robot's greedy
+    trial, infinite if it did not come home; both by a name of COLOURS, for which `names` has what stands in the figure.
+    limits: learning on and frozen, as multiples of the shortest way.
+    """
+    figure, (left, right) = panels(2.9, 2, width_ratios=[1.3, 1])
+    for (who, taken), (_, dashes) in zip(learning.items(), LINES, strict=False):
+        # Not the mean: whoever takes long is met under way more often.
+        curve(left, times, np.percentile(taken, (50, 25, 75), axis=0), (COLOURS[who], dashes))
+        steps = np.sort(frozen[who])
+        home = 100 * np.arange(1, len(steps) + 1) / len(steps)
+        right.step(steps, home, where="post", color=COLOURS[who], linestyle=dashes)
+    log_axis(left, "y")
+    left.set(
+        ylabel="steps of the episode under way\n(median and middle half of the robots)",
+        xlabel="steps of the environment",
+        xlim=(times[0], times[-1]),
+    )
+    for multiple in (1.0, limits[0]):
+        left.axhline(multiple * shortest, **DASHED)
+    beside(
+        left,
+        f"shortest way, and {limits[0]:g} times it",
+        (0.99, shortest),
+        (0, -10),
+        ha="right",
+        xycoords=("axes fraction", "data"),
+    )
+    left.set_ylim(bottom=0.7 * shortest)
+    right.axvline(limits[1] * shortest, **DASHED)
+    right.set(ylabel="robots that are home (%)", xlabel="steps, frozen and greedy", ylim=(0, 102))
+    right.set_xlim(0.75 * shortest, 10 * shortest)
+    log_axis(right, "x", narrow=True)
+    beside(right, f"{limits[1]:g} times the shortest way", (limits[1] * shortest, 2), (4, 0))
+    for axes, title in zip((left, right), titles, strict=True):
+        axes.set_title(title)
+    handles = [
+        handle(names[who], Look(COLOURS[who], ""), dashes=line[1]) for who, line in zip(learning, LINES, strict=False)
+    ]
+    key(figure, handles, len(handles), handlelength=3)
     return figure
 
 

@@ -6,7 +6,7 @@
     w(a)    += alpha delta x(s)
 
 After an episode that came home, its steps and those of the episodes before are learnt from once more, from home
-backwards. One step costs 2 n |A| multiplications, and as many for each episode that is replayed.
+backwards. A step costs some 6 n multiplications, and as many for each episode that is replayed. gamma is 1.
 
 Where it leaves the published model, and why:
 
@@ -17,7 +17,7 @@ Where it leaves the published model, and why:
   lots but at walls, nothing has to be averaged.
 - Home is worth 0 and a step costs the same wherever it is, so that Q is a number of steps. An action that has not been
   tried is worth what the similarity promises, as in the published model; that is too much, and so each is tried
-  (potential-based: Wiewiora, Journal of Artificial Intelligence Research 19, 2003). No other exploration is needed.
+  (potential-based: Wiewiora, Journal of Artificial Intelligence Research 19, 2003). Epsilon adds little to that.
 - The last episodes are replayed (Lin, Machine Learning 8, 1992), backwards, so that one pass carries home's worth to
   the start.
 """
