@@ -80,15 +80,22 @@ AgentFactory = Callable[[Settings, np.random.Generator], Agent]
 class SarsaAgent:
     """Sarsa(lambda_t) with the dynamic exploration policy: what Fig. 2 does between two images.
 
-    lambda_rule: a function, or a name, in place of the settings' rule and its options. For another schedule of step
-    size and exploration, derive from it and override `rates`.
+    lambda_rule: a function, or a name, in place of the settings' rule and its options. learner: makes another learner
+    than `LinearSarsa`, of what that takes. For another schedule of step size and exploration, derive from it and
+    override `rates`.
     """
 
-    def __init__(self, settings: Settings, rng: np.random.Generator, lambda_rule: AnyRule | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        rng: np.random.Generator,
+        lambda_rule: AnyRule | None = None,
+        learner: Callable[..., LinearSarsa] = LinearSarsa,
+    ) -> None:
         self.settings, self.rng = settings, rng
         self.epsilon, self.temperature = settings.epsilon0, settings.tau0
         spec = lambda_spec(settings.lambda_rule if lambda_rule is None else lambda_rule)
-        self.learner = LinearSarsa(
+        self.learner = learner(
             settings.n_features,
             3,
             step_size=settings.alpha0,

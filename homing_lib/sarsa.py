@@ -184,7 +184,8 @@ class LinearSarsa:
         """`update` without its checks, for whoever has made sure of shapes and actions."""
         alpha, discount = self._step_size, self.discount
         q_tm1 = value_of(self._theta_of[a_tm1], phi_tm1)
-        q_t = 0.0 if terminal and not self.bootstrap_terminal else self._value_ahead(phi_t, a_t)
+        follows = not terminal or self.bootstrap_terminal
+        q_t = self._value_ahead(phi_t, a_t) if follows else 0.0
         delta = td_error(q_tm1, r_t, discount, q_t)  # (1)
 
         phi_sa = np.zeros(self._theta.shape)  # phi(s_tm1, a_tm1), a new array at each step: E12
@@ -196,6 +197,7 @@ class LinearSarsa:
         e_a += phi_tm1 if self.traces == "accumulating" else dutch(phi_tm1, e_a, alpha)
 
         moves = a_tm1 if self.update_mode == "taken" else slice(None)  # whose weights
+        alpha = self._step_along(e, phi_sa, moves, (phi_t, a_t) if follows else None)
         change = alpha * delta * e[moves]  # (18)
         if self.traces == "dutch":  # the value grew by q_tm1 - q_ahead since the step before looked ahead to it
             change += alpha * (q_tm1 - self._q_ahead) * (e - phi_sa)[moves]
@@ -234,6 +236,12 @@ class LinearSarsa:
         returned = f"lambda rule {name_of(self.lambda_rule)} returned {' '.join(repr(ratio)[:60].split())}"
         why = " (NumPy's numbers divide by 0)" if isinstance(ratio, np.floating) else ""
         raise ValueError(f"{returned}{why}; {TAKES_AND_RETURNS}")
+
+    def _step_along(self, e: Array, phi_sa: Array, moves: Any, ahead: Any) -> float:
+        """The step size of this step, for learners that bound it. moves: the rows of the trace e that it moves along;
+        ahead: the features and the action that follow, or None.
+        """
+        return self._step_size
 
     def _value_ahead(self, phi_t: Array, a_t: int) -> float:
         """The value that the TD error looks ahead to: Q(s_t, a_t)."""

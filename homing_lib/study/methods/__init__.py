@@ -2,4 +2,14 @@
 
 Importing this lets settings know them by name: `Settings(controller="true-online")`. A file holds one learner with its
 formula, its source and what a step of it costs; it imports the model alone. In the model there is none of them.
+
+All but the actor-critic choose as `SarsaAgent` does, epsilon-greedily; all begin at theta_0, with rates that fall by
+eq. (23), and value home like any view, unless a file says otherwise. What follows a colon in a name is a number that
+the method needs beside the step size and lambda. A new file is found by itself.
 """
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+for _file in sorted(one.name for one in iter_modules(__path__)):
+    import_module(f"{__name__}.{_file}")
