@@ -227,3 +227,44 @@ def rooms(finding: Finding, names: Sequence[str]) -> Figure:
         panel("/ those of the gate", "gate"),
         series=list(UPDATES),
     )
+
+
+# --- today: form 2 beside other learners ------------------------------------------------------------------------------
+
+LEARNERS = {
+    "swift-sarsa": "Swift-Sarsa (2024)",
+    "true-online": "true online Sarsa(λ) (2016)",
+    "lambda-greedy": "λ-greedy (2016)",
+    "step-size-bound": "bound on the step size (2012)",
+    "natural-actor-critic": "natural actor-critic (2009)",
+    "tdc": "TDC (2009)",
+    "scaled-conjugate-gradient": "scaled conjugate gradient (2001)",
+    "residual-gradient": "residual gradient (1995)",
+    "standard": "Sarsa, best fixed λ, all weights",
+    "bounded form 2": "form 2, steps bounded",
+    "least-squares": "least squares (a ceiling)",
+}
+"""Those of `today`, by their names in the finding: the youngest first, then what stands beside them."""
+
+
+def today(finding: Finding) -> Figure:
+    """Each method against form 2 in two rooms: total steps, late steps of the typical robot, robots lost. Beside its
+    name what a step costs, as a multiple of Sarsa(lambda).
+    """
+
+    def rows(endpoint: str) -> dict[str, list[Comparison]]:
+        return {
+            f"{row}, {cost(name)}": [finding[f"{room}.{name}.{endpoint}"] for room in ("paper", "attic")]
+            for name, row in LEARNERS.items()
+        }
+
+    def cost(name: str) -> str:
+        multiple = finding[f"paper.{name}.cost"].value
+        return f"{multiple:.2g} ×" if multiple < 100 else f"{multiple:,.0f} ×"
+
+    return forest(
+        Panel("total steps /\nform 2's\n(left: fewer)", rows("total")),
+        Panel("late steps / form 2's,\ntypical robot", rows("late")),
+        Panel("share lost − form 2's\n(the same within .02)", rows("lost"), reference=0, log=False),
+        series=["the paper's room", "the attic"],
+    )
