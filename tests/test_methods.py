@@ -1,6 +1,7 @@
 """Other learners are what their authors say: by hand, by their fixed points, by their theorems."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -336,11 +337,15 @@ def test_swift_sarsa_learns_the_last_step_and_clears_its_traces():
     assert learner.value_list(one)[1] == pytest.approx(before[1], abs=0.02)
 
 
-def test_without_its_package_swift_sarsa_says_so_in_one_line(monkeypatch):
+def test_without_its_package_or_a_fixed_lambda_swift_sarsa_says_so_in_one_line(monkeypatch):
+    settings = Settings(images="compact", controller="swift-sarsa:0.5")
+    monkeypatch.setitem(sys.modules, "swiftsarsa", SimpleNamespace(SwiftSarsa=None))
+    with pytest.raises(UserError, match="needs a fixed lambda") as varies:
+        agent.run(settings, 1)
     monkeypatch.setitem(sys.modules, "swiftsarsa", None)
-    with pytest.raises(UserError, match="pip install swiftsarsa") as error:
-        agent.run(Settings(images="compact", episodes=1, controller="swift-sarsa:0.5", lambda_rule="fixed:0.8"), 1)
-    assert "\n" not in str(error.value)
+    with pytest.raises(UserError, match="pip install swiftsarsa") as absent:
+        agent.run(settings, 1)
+    assert not any("\n" in str(error.value) for error in (varies, absent))
 
 
 # --- All --------------------------------------------------------------------------------------------------------------

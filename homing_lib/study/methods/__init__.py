@@ -5,11 +5,11 @@ formula, its source and what a step of it costs; it imports the model alone. In 
 
 All but the actor-critic choose as `SarsaAgent` does, epsilon-greedily; all begin at theta_0, with rates that fall by
 eq. (23), and value home like any view, unless a file says otherwise. What follows a colon in a name is a number that
-the method needs beside the step size and lambda.
+the method needs beside the step size and lambda. A new file is found by itself.
 """
 
 from importlib import import_module
 from pkgutil import iter_modules
 
-for _file in iter_modules(__path__):
-    import_module(f"{__name__}.{_file.name}")
+for _file in sorted(one.name for one in iter_modules(__path__)):
+    import_module(f"{__name__}.{_file}")

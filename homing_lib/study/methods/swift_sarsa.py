@@ -21,6 +21,7 @@ from typing import Any
 
 from homing_lib.errors import UserError
 from homing_lib.features import Array
+from homing_lib.lambdas import Fixed
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.study.methods.base import register
 
@@ -30,20 +31,22 @@ META, DECAY, TRACE_LEFT, LEAST = 1e-3, 0.999, 1e-4, 1e-8
 
 
 class SwiftSarsa(LinearSarsa):
-    """lambda must be fixed; eta: the largest share of an error that one step may take away. Raises UserError without
-    the package.
+    """eta: the largest share of an error that one step may take away. Raises UserError without the package, or for a
+    lambda that is not fixed.
     """
 
     _value: float | None = None  # of the step that is yet to be learnt, by the package's weights
 
     def __init__(self, n: int, actions: int, *, eta: float, **settings: Any) -> None:
         super().__init__(n, actions, **settings)
+        needs = "controller = 'swift-sarsa' needs"
         try:
             from swiftsarsa import SwiftSarsa as Package
         except ImportError:
-            raise UserError("controller = 'swift-sarsa' needs a package: `pip install swiftsarsa`") from None
-        fixed: Any = self.lambda_rule
-        self.package = Package(n, actions, fixed.value, self._step_size, META, eta, DECAY, TRACE_LEFT, LEAST)
+            raise UserError(f"{needs} a package: `pip install swiftsarsa`") from None
+        if not isinstance(self.lambda_rule, Fixed):
+            raise UserError(f"{needs} a fixed lambda: lambda_rule = fixed:0.9")
+        self.package = Package(n, actions, self.lambda_rule.value, self._step_size, META, eta, DECAY, TRACE_LEFT, LEAST)
         self.initial = settings.get("initial_weight", 0.0)
 
     def begin_episode(self) -> None:

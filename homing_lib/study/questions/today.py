@@ -33,7 +33,7 @@ ROBOTS = range(10_000, 10_200)
 LAMBDAS = "fixed:0.5", "fixed:0.9"
 NONE = ("fixed:0",)  # for those that have no trace
 
-TO_1 = (*STEP_SIZES[1:], 1.0)
+TO_1 = (*STEP_SIZES, 1.0)
 """For what is bounded; its authors begin at 1."""
 
 
