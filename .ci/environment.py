@@ -1,4 +1,4 @@
-"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]...`, in a clone.
+"""Makes a virtual environment with this package in it: `python environment.py FOLDER [LOCK]...`, from a clone's root.
 
 With a LOCK it holds exactly the locked packages, those of all LOCKs, without one whatever pip finds for this Python.
 """

@@ -136,7 +136,8 @@ def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float])
     has: its first is solid, others are thin and dashed. levels: by name.
     """
     figure, (axes,) = panels(3.6)
-    ends, colours = {}, []
+    ends: dict[str, tuple[float, float]] = {}
+    colours: list[str] = []
     for name, steps in robots.items():
         colour = next(COLOURS[thing] for thing in COLOURS if name.startswith(thing))
         dashes = ("-", (0, (4, 1.5)), (0, (1, 1)))[colours.count(colour)]

@@ -86,15 +86,15 @@ def note(axes: Axes, text: str, at: tuple[float, float], **options: Any) -> None
     axes.text(*at, text, fontsize=8, bbox=ground, zorder=5, **options)
 
 
-def label_ends(
-    axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Iterable[str] = tuple(colour for colour, _ in LINES)
-) -> None:
-    """Names of curves, in these colours, right of their ends; moved apart where they would overlap, and then tied."""
+def label_ends(axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Iterable[str] = ()) -> None:
+    """Names of curves, in these colours, or coloured as LINES, right of their ends; moved apart where they would
+    overlap, and then tied.
+    """
     axes.figure.canvas.draw()
     scale = axes.figure.dpi / 72
     least = 1e-12 if axes.get_yscale() == "log" else -np.inf
     heights = {name: axes.transData.transform((1, max(y, least)))[1] / scale for name, (_, y) in ends.items()}
-    tints = dict(zip(ends, cycle(colours), strict=False))
+    tints = dict(zip(ends, cycle(colours or (colour for colour, _ in LINES)), strict=False))
     tie: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1, "relpos": (0, 0.5)}
     place = -np.inf
     for name in sorted(ends, key=lambda name: heights[name]):

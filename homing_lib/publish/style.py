@@ -20,7 +20,7 @@ SHEET = Path(__file__).with_name("homing.mplstyle")
 TEXT_WIDTH = 6.3  # inches, of the report
 
 BLUE, ORANGE, GREEN, SKY, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#8A8A8A", "#222222"
-PINK, AMBER, VIOLET, OLIVE, PLUM = "#CC79A7", "#E69F00", "#7A5195", "#858520", "#AA3377"
+PINK, AMBER, VIOLET, BROWN, PLUM = "#CC79A7", "#E69F00", "#7A5195", "#6B4E16", "#AA3377"
 
 _DASHES = "-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 1)), (0, (8, 2)), "-"
 LINES = tuple(zip((BLUE, ORANGE, GREEN, INK, PINK, GREY, SKY), _DASHES, strict=True))
@@ -34,7 +34,7 @@ COLOURS = {
     "extension": GREEN,
     "climb": GREY,
     "random": INK,
-    "standard": OLIVE,
+    "standard": BROWN,
     "PPO": ORANGE,
     "DQN": PINK,
     "simple": PLUM,
