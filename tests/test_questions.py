@@ -20,6 +20,7 @@ from homing_lib.study.questions import (
     learns,
     printed,
     rooms,
+    simple,
     tours,
     varying,
     worth,
@@ -50,7 +51,13 @@ def few_resamples_and_nothing_to_choose(monkeypatch):
     """Made-up tables leave no doubt that more resamples would settle."""
     bootstrap.draws.cache_clear()
     monkeypatch.setattr(bootstrap, "RESAMPLES", 500)
-    for module, name in ((varying, "CHOICE"), (varying, "OWN"), (varying, "DRAWS"), (rooms, "CALIBRATION")):
+    for module, name in (
+        (varying, "CHOICE"),
+        (varying, "OWN"),
+        (varying, "DRAWS"),
+        (rooms, "CALIBRATION"),
+        (simple, "CHOICE"),
+    ):
         monkeypatch.setattr(module, name, Chosen())
     monkeypatch.setattr(varying, "own_mean", lambda room, update, rule: "fixed:0.33")
     yield
@@ -363,6 +370,23 @@ def toured(finished=1.0, **steps):
     return paper, in_room("workshop"), paper[paper.lambda_rule == Settings().lambda_rule], shortest
 
 
+def barred(steps=None, frozen=None):
+    """Of `simple`: the learner's steps by room, learning on and frozen; 21 elsewhere, where the shortest way is 20."""
+
+    def table(every):
+        def row(_, one):
+            way = np.broadcast_to((frozen or {}).get(one.room, 21.0), SEEDS)
+            on = (steps or {}).get(one.room, 21.0) * SPREAD
+            return {"steps": on, "frozen": way, "home": way < 2000, "diverged": 0.0}
+
+        return table_of(labelled(every), row)
+
+    ours = [simple.settings(room) for room in simple.IN_ROOMS]
+    others = [one for room in simple.IN_ROOMS for one in simple.opponents(room).values()]
+    parts = [one.with_changes(**part) for one in ours for part in simple.PARTS.values()]
+    return *map(table, (ours[:1], ours[1:], others, parts)), unlearnt(), SHORTEST
+
+
 # The truth tables: a question, its verdict and the tables that give it
 
 TRUTHS = [
@@ -385,6 +409,11 @@ TRUTHS = [
     ("drives", "neither", lambda: drive({"restored": 200})),
     ("drives", "it depends on the room", lambda: drive({"restored": 50}, cell={})),
     ("drives", "it depends on the room", lambda: drive({"restored": 50}, cell={"restored": DOUBT * 90})),
+    ("simple", "both in 3 of 3 rooms, learning on in 3, frozen in 3", barred),
+    ("simple", "both in 1 of 3 rooms, learning on in 2, frozen in 2", lambda: barred({"hall": 30}, {"attic": 30})),
+    ("simple", "both in 2 of 3 rooms, learning on in 2, frozen in 3", lambda: barred({"paper": 23 * DOUBT})),
+    ("simple", "both in 2 of 3 rooms, learning on in 2, frozen in 3", lambda: barred({"hall": np.r_[[101], [9] * 11]})),
+    ("simple", "both in 2 of 3 rooms, learning on in 3, frozen in 2", lambda: barred({}, {"hall": [2000] + 11 * [20]})),
     ("conjugate", "hardly", lambda: directions(2)),
     ("conjugate", "in part", lambda: directions(30)),
     ("conjugate", "mostly", lambda: directions(80)),
