@@ -268,6 +268,8 @@ def shortest_tours(goals: Array, legs: Any) -> Array:
     least = np.full((4, 3), np.nan)
     for (whence, goal), steps in legs.groupby(["whence", "goal"]).steps.mean().items():
         least[int(whence), int(goal)] = steps
+    for goal in range(3):  # sought again at once, after a leg that failed: the robot is anywhere
+        least[goal, goal] = np.nanmean(least[:, goal])
     one, two, three = (goals.astype(int) // place % 10 for place in (100, 10, 1))
     return least[three[:, :-1], one[:, 1:]] + (least[one, two] + least[two, three])[:, 1:]
 
