@@ -162,7 +162,7 @@ def tours(
     for after, steps in frozen.items():
         axes.vlines(after, steps.low, steps.high, color=COLOURS["frozen"], linewidth=1.4)
         axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
-    beside(axes, "frozen after so many", (after, steps.value), (-8, -3), ha="right", color=COLOURS["frozen"])
+    beside(axes, "frozen after so many", (after, steps.value), (0, -13), ha="right", color=COLOURS["frozen"])
     axes.set(xlabel="tour", ylabel="steps of a tour", xlim=(1, number[-1]), yscale="log")
     axes.set_title("with a plan tours get shorter, then longer again")
     for name, value in levels.items():
