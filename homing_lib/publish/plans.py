@@ -149,23 +149,24 @@ def tours(
     draw_floor_plan(plan, room)
     for which, pose in enumerate(homes, 1):
         _draw_home(plan, pose)
-        note(plan, str(which), _ahead(pose, 0.085, pi), ha="center", va="center", fontweight="bold")
-    for (goal, path), (colour, dashes) in zip(legs, LINES, strict=False):
+        note(plan, str(which), _ahead(pose, 0.08, pi / 2), ha="center", va="center", fontweight="bold")
+    for place, ((goal, path), (colour, dashes)) in enumerate(zip(legs, LINES, strict=False)):
         plan.plot(*path.T, color=colour, linestyle=dashes)
         plan.plot(*path[-1], "o", color=colour, markeredgecolor=INK, markeredgewidth=0.6, markersize=4, zorder=5)
-        middle = path[len(path) // 2]
-        beside(plan, f"to {goal + 1}: {len(path) - 1} steps", tuple(middle), (5, 5), color=colour)
-    plan.set_title("one tour; dots: where a leg ended")
+        below = f"to home {goal + 1}: {len(path) - 1} steps"
+        beside(plan, below, (0, 0), (0, -11 - 10 * place), xycoords="axes fraction", color=colour)
+    plan.set_title("one tour (dots: where it stopped)")
     number = np.arange(1, learning.shape[1] + 1)
     curve(axes, number, band(learning), (COLOURS["learning on"], "-"), alpha=0.35)
-    beside(axes, "learning on", (number[2], learning[:, 2].mean()), (6, 4), color=COLOURS["learning on"])
+    beside(axes, "learning on", (number[1], learning[:, 1].mean()), (8, 2), color=COLOURS["learning on"])
     for after, steps in frozen.items():
         axes.vlines(after, steps.low, steps.high, color=COLOURS["frozen"], linewidth=1.4)
         axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
-    beside(axes, "frozen after so many", (after, steps.value), (6, -3), color=COLOURS["frozen"])
+    beside(axes, "frozen after so many", (after, steps.value), (0, -13), ha="right", color=COLOURS["frozen"])
     axes.set(xlabel="tour", ylabel="steps of a tour", xlim=(1, number[-1]), yscale="log")
+    axes.set_title("with a plan tours get shorter, then longer again")
     for name, value in levels.items():
-        level(axes, value, name)
+        level(axes, value, name, at=0.72)
     log_axis(axes, "y")
     return figure
 
