@@ -39,7 +39,8 @@ unexport $(filter-out PYTHONHASHSEED PYTHONUTF8,$(THEIRS))
 
 MAKEFLAGS += --jobs=2
 .DELETE_ON_ERROR:
-.PHONY: all test data deep verify notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
+.PHONY: all test data deep verify audit notebooks quick paper lectures demo site lab bench class compact lock clean help \
+  FORCE
 
 # A stamp lists the files that were made, with their checksums. If one is no longer so, it goes, and they are made again.
 STAMPS := $(wildcard .build/numbers .build/report .build/demo .build/pages .build/notebooks/*)
@@ -86,6 +87,9 @@ verify: .build/verified ## repeat one stored run live and compare it to the bit
 	$(HOMING) verify > $@.part
 	@mv $@.part $@
 	@cat $@
+
+audit: .venv/.ready ## rebuild it in two clones, as a hostile reader would, and name what differs (FULL=1: all runs)
+	.venv/bin/python .ci/audit.py $(if $(FULL),--full) $(if $(SEED),--seed $(SEED))
 
 .build/summary: .build/verified homing_lib/publish/report.py
 	$(HOMING) summary > $@.part
