@@ -249,11 +249,11 @@ def simple(
         left,
         f"shortest way, and {limits[0]:g} times it",
         (0.99, shortest),
-        (0, -10),
+        (0, -11),
         ha="right",
         xycoords=("axes fraction", "data"),
     )
-    left.set_ylim(bottom=0.7 * shortest)
+    left.set_ylim(bottom=0.55 * shortest)
     right.axvline(limits[1] * shortest, **DASHED)
     right.set(ylabel="robots that are home (%)", xlabel="steps, frozen and greedy", ylim=(0, 102))
     right.set_xlim(0.75 * shortest, 10 * shortest)

@@ -38,7 +38,7 @@ def forest(*blocks: Panel, series: Sequence[str] = ()) -> Figure:
         axes.axvline(block.reference, **DASHED, zorder=0)
         axes.set_xlabel(block.label)
         if block.log:
-            log_axis(axes, "x", narrow=len(blocks) > 3)
+            log_axis(axes, "x", narrow=len(blocks) > 3 or max(map(len, rows)) > 30)
         name_rows(axes, rows)
     handles = [handle(name, Look(colour), 4.5, "-") for name, colour in zip(series, (INK, GREY), strict=False)]
     handles += [handle(word, shown_as(word), 4.5) for word in SHAPES if word in met]
