@@ -62,10 +62,7 @@ Path("figures").mkdir(exist_ok=True)
 for path, text in {"data/STUDIES.md": "studies", "figures/a.pdf": "a figure", "figures/film.gif": "a film"}.items():
     Path(path).unlink(missing_ok=True)
     Path(path).write_text(text)
-try:
-    Path("homing_lib", "__init__.py").write_text("import os")
-except PermissionError:
-    print("read-only")
+print("writable" if os.access("homing_lib", os.W_OK) else "read-only")
 """,
 }
 
