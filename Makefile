@@ -39,8 +39,7 @@ unexport $(filter-out PYTHONHASHSEED PYTHONUTF8,$(THEIRS))
 
 MAKEFLAGS += --jobs=2
 .DELETE_ON_ERROR:
-.PHONY: all test data deep verify audit notebooks quick paper lectures demo site lab bench class compact lock clean help \
-  FORCE
+.PHONY: all test data deep verify audit notebooks quick paper lectures demo site lab bench class compact lock clean help FORCE
 
 # A stamp lists the files that were made, with their checksums. If one is no longer so, it goes, and they are made again.
 STAMPS := $(wildcard .build/numbers .build/report .build/demo .build/pages .build/notebooks/*)

@@ -252,6 +252,7 @@ def plane(home, **changes):
     return SimpleNamespace(
         settings=Settings(**changes),
         room=SimpleNamespace(start=Pose(0.21, 0.51, 0.0)),
+        home=Pose(0.21, 0.51, 0.0),
         world=SimpleNamespace(clearance=lambda x, y: 1.0, histogram=lambda pose: np.full(3, float(home(pose)))),
         model=SimpleNamespace(features=lambda histogram: histogram),
     )

@@ -54,6 +54,7 @@ class Choice:
             best_only = f"{reason} The best {keep} of each in `{name}`, on further seeds."
             return Study(f"{name}-best", best_only, labelled(best), then, measure)
 
+        first.__qualname__, second.__qualname__ = name, f"{name}-best"  # listed alike whichever file comes first
         self.first = Later(needs, first)
         self.second = Later([self.first], second)
         self._best = cache(lambda: self._ranked(self.second()))

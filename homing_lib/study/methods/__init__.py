@@ -9,7 +9,7 @@ the method needs beside the step size and lambda. A new file is found by itself.
 """
 
 from importlib import import_module
-from pkgutil import iter_modules
+from pathlib import Path
 
-for _file in sorted(one.name for one in iter_modules(__path__)):
-    import_module(f"{__name__}.{_file}")
+for _file in sorted(Path(__file__).parent.glob("[a-z]*.py")):
+    import_module(f"{__package__}.{_file.stem}")

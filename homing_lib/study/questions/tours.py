@@ -174,7 +174,9 @@ def toured(settings: Settings, seed: int) -> Columns:
 
 
 def toured_apart(settings: Settings, seed: int) -> Columns:
-    """The tours of `toured` with a plan and learning on, when each home was surveyed by a drive of its own."""
+    """What `toured` has (`priority`, `frozen`, `tour`, `steps`, `finished`, `right`, `goals`) of tours with a plan and
+    learning on, when each home was surveyed by a drive of its own.
+    """
     env, agents = begin(settings, seed, apart=True)
     every = enumerate(touring(env, agents, plan, settings.episodes), 1)
     seen = [(0, 0, number, *summed_up(env, legs)) for number, legs in every]
@@ -182,7 +184,7 @@ def toured_apart(settings: Settings, seed: int) -> Columns:
 
 
 def legs_between(settings: Settings, seed: int) -> Columns:
-    """The least number of steps, `steps`, from the room's start (`whence` = 3) and from each home, to each other."""
+    """The least number of steps, `steps`, from the room's start (`whence` = 3) and from each home, to each other `goal`."""
     env, seen = begin(settings, seed)[0], []
     engine.surveyed(env)
     for goal in range(3):
