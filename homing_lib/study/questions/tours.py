@@ -184,7 +184,7 @@ def toured_apart(settings: Settings, seed: int) -> Columns:
 
 
 def legs_between(settings: Settings, seed: int) -> Columns:
-    """The least number of steps, `steps`, from the room's start (`whence` = 3) and from each home, to each other `goal`."""
+    """The least `steps` from the room's start (`whence` = 3) and from each home to each other, the `goal`."""
     env, seen = begin(settings, seed)[0], []
     engine.surveyed(env)
     for goal in range(3):
