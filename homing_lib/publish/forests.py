@@ -232,7 +232,7 @@ def rooms(finding: Finding, names: Sequence[str]) -> Figure:
 # --- today: form 2 beside other learners ------------------------------------------------------------------------------
 
 LEARNERS = {
-    "swift-sarsa": "Swift-Sarsa (2024)",
+    "swift-sarsa": "Swift-Sarsa (2025)",
     "true-online": "true online Sarsa(λ) (2016)",
     "lambda-greedy": "λ-greedy (2016)",
     "step-size-bound": "bound on the step size (2012)",

@@ -91,7 +91,8 @@ def latex() -> str:
 
 def _erratum(one: errata.Erratum) -> str:
     """A row: name, where, what is printed and why it cannot stand, how it is read here and what that does."""
-    return row(one.name, one.where, f"{one.printed}. {one.wrong}.", f"{one.reading}. {errata.effect(one)}".strip())
+    effect = errata.effect(one).partition(": ")[2]  # the caption says of what
+    return row(one.name, one.where, f"{one.printed}. {one.wrong}.", f"{one.reading}; {effect}".strip())
 
 
 def _figure(name: str, figure: where.Drawn) -> str:
