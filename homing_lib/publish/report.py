@@ -99,7 +99,7 @@ def _figure(name: str, figure: where.Drawn) -> str:
     """A row: the figure, what draws it, the notebook's cell, and the tables; all are links to their files."""
     notebook, function = figure.notebook.stem, figure.function
     cells = [
-        f"\\hypertarget{{made:{name}}}{{\\ref{{fig:{name}}}}}",
+        f"\\leavevmode\\hypertarget{{made:{name}}}{{\\ref{{fig:{name}}}}}",
         _file(where.file_of(function), f"{function.__module__.rpartition('.')[2]}.{function.__name__}"),
         f"{_file(f'notebooks/executed/{notebook}.ipynb', notebook.partition('-')[0])}, {escaped(figure.cell)}",
         ", ".join(_file(where.stored_in(study), study.name) for study in figure.studies) or "computed in the notebook",
