@@ -147,6 +147,13 @@ def test_every_number_of_the_repository_is_as_it_was_found():
         assert prose.refreshed(text) == text, f"{path}: `homing numbers` fills them in"
 
 
+def test_no_line_begins_with_a_number_since_its_mark_would_end_the_paragraph():
+    texts = {path: path.read_text(encoding="utf-8") for path in prose.MARKDOWN}
+    for path in prose.NOTEBOOKS:
+        texts[path] = "\n\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells)
+    assert [path.name for path, text in texts.items() if re.search("^<!--n ", text, re.M)] == []
+
+
 def test_nothing_rests_on_what_was_not_found_and_flipping_any_verdict_names_the_sentences_that_rest_on_it(monkeypatch):
     assert prose.broken() == []
     words, every = findings.verdicts(), list(prose.paragraphs())
