@@ -64,14 +64,14 @@ def _paragraphs(markdown: Iterable[object]) -> str:
 def latex() -> str:
     """paper/numbers.tex: a macro for every number of the report and the lectures, and the bodies of the tables."""
     stored = findings.stored().values()
-    verdicts = {
-        is_claim: [row(one.name, one.question.text, one.verdict) for one in stored if one.question.is_claim == is_claim]
-        for is_claim in (True, False)
-    }
     figures = where.reported()
     tables = {
-        "tableClaims": verdicts[True],
-        "tableQuestions": verdicts[False],
+        "tableClaims": [
+            row(one.name, one.question.text, one.verdict, _decides(one)) for one in stored if one.question.is_claim
+        ],
+        "tableQuestions": [
+            row(one.name, one.question.text, one.verdict) for one in stored if not one.question.is_claim
+        ],
         "tableErrata": [_erratum(one) for one in errata.ERRATA if errata.changes_steps(one)],
         "tableOne": table_one(),
         "tableFigures": [_figure(name, one) for name, one in figures.items()],
@@ -87,6 +87,13 @@ def latex() -> str:
             *(f"\\expandafter\\def\\csname {name}\\endcsname{{{value}}}" for name, value in named.items()),
         ]
     )
+
+
+def _decides(found: findings.Finding) -> str:
+    """The comparisons of a finding that are judged, with their words."""
+    judged = {name.replace(".", ", "): one for name, one in found.comparisons.items() if one.judged}
+    each = {name: format(one, ".0f" if abs(one.value) >= 10 else ".2f") for name, one in judged.items()}
+    return "; ".join(f"{name} {text} {judged[name].verdict}".strip() for name, text in each.items())
 
 
 def _erratum(one: errata.Erratum) -> str:
