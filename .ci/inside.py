@@ -102,7 +102,7 @@ def repeated(seed: int, count: int) -> list[Row]:
     found: dict[Any, list[tuple[str, str]]] = {}
     for number, live, problem in tqdm(again, "runs again", len(drawn), unit="run"):
         study, job = drawn[number]
-        missing = UNCHECKED if "not installed" in problem else DIFFERS
+        missing = UNCHECKED if "not installed" in problem or "`make deep`" in problem else DIFFERS
         word = missing if problem else OF_RUNS[compare_run(study, job, live)]
         found.setdefault(study, []).append((word, problem))
     return [of_study(study, *zip(*found[study], strict=True)) for study in dict.fromkeys(study for study, _ in drawn)]
