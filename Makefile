@@ -34,7 +34,7 @@ export MATPLOTLIBRC := /dev/null
 export TEXMFHOME := /dev/null
 export TEXMFCONFIG := /dev/null
 export TEXMFVAR := /dev/null
-export BIBINPUTS := ../../paper:
+export BIBINPUTS := ../../paper: # seen from where BibTeX works, .build/paper; a whole path might hold a comma
 THEIRS := $(filter PYTHON% PYTEST_% MYPY% RUFF_% TEXINPUTS% TEXMFCNF% TEXFONTMAPS BASH_ENV CDPATH,$(.VARIABLES))
 unexport $(filter-out PYTHONHASHSEED PYTHONUTF8,$(THEIRS))
 

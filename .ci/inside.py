@@ -11,6 +11,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,11 +46,11 @@ def cpu() -> str:
 def compare_rows(stored: Any, live: Any) -> str:
     """Rows of a stored table beside the same rows, computed again: "to the bit", "within tolerance" or "not".
 
-    The tolerance is that of `runs.compare`, far less than a step or an action.
+    The tolerance is that of `sweep.compare`, far less than a step or an action.
     """
     import numpy as np
 
-    from homing_lib.study.runs import TOLERANCE
+    from homing_lib.study.sweep import TOLERANCE
 
     with np.errstate(over="ignore"):  # as when the table was written
         pairs = [(stored[name].to_numpy(), live[name].astype(np.float32)) for name in live.dtype.names]
@@ -63,11 +64,11 @@ def compare_rows(stored: Any, live: Any) -> str:
 def compare_run(study: Any, job: Any, live: Any) -> str:
     """A run of a study, computed again, beside what is stored, in the same words."""
     from homing_lib.storage import write_bytes
-    from homing_lib.study import runs
+    from homing_lib.study import runs, sweep
 
     if study.measure is None:
         write_bytes(path := Path(".build", "audited.npz"), live)
-        return runs.compare(runs.load_one(study, job.settings, job.seeds[0]), runs.load(path))
+        return sweep.compare(runs.load_one(study, job.settings, job.seeds[0]), runs.load(path))
     table = runs.load_table(study)
     label = next(label for label, settings in study.conditions.items() if settings == job.settings)
     return compare_rows(table[(table.condition == label) & (table.seed == job.seeds[0])], live)
@@ -92,8 +93,11 @@ def repeated(seed: int, count: int) -> list[Row]:
     from homing_lib import parallel
     from homing_lib.study import runs, studies
 
-    rng, drawn = np.random.default_rng(seed), []
+    rng, drawn, left = np.random.default_rng(seed), [], []
     for study in studies.in_order():
+        if study.deep and not find_spec("torch"):
+            left.append(Row(f"study {study.name}", "torch is missing; `make deep` has it", UNCHECKED))
+            continue
         conditions = [*dict.fromkeys(study.conditions.values())]
         for _ in range(1 if any(settings.images == "camera" for settings in conditions) else count):
             settings, of = conditions[rng.integers(len(conditions))], int(study.seeds[rng.integers(len(study.seeds))])
@@ -102,10 +106,10 @@ def repeated(seed: int, count: int) -> list[Row]:
     found: dict[Any, list[tuple[str, str]]] = {}
     for number, live, problem in tqdm(again, "runs again", len(drawn), unit="run"):
         study, job = drawn[number]
-        missing = UNCHECKED if "not installed" in problem or "`make deep`" in problem else DIFFERS
-        word = missing if problem else OF_RUNS[compare_run(study, job, live)]
+        word = DIFFERS if problem else OF_RUNS[compare_run(study, job, live)]
         found.setdefault(study, []).append((word, problem))
-    return [of_study(study, *zip(*found[study], strict=True)) for study in dict.fromkeys(study for study, _ in drawn)]
+    every = dict.fromkeys(study for study, _ in drawn)
+    return left + [of_study(study, *zip(*found[study], strict=True)) for study in every]
 
 
 def of_study(study: Any, words: Sequence[str], problems: Sequence[str]) -> Row:

@@ -184,14 +184,6 @@ def test_a_reset_is_hollow_and_what_becomes_of_the_steps_is_told_in_percent():
     assert [bar.get_width() for bar in shares.patches] == [50] * 8
 
 
-def test_the_value_chosen_is_blue_and_a_bar_stands_at_the_median_of_each():
-    scores = {"1": np.array([3.0, 1, 2]), "2": np.array([8.0, 6, 7])}
-    axes, *empty = drawn(charts.marginals({"alpha": scores}, {"alpha": "2"}, 2000))
-    assert [line.get_color() for line in axes.lines] == [GREY, BLUE]
-    assert [bar.get_segments()[0][:, 1].tolist() for bar in axes.collections] == [[2, 2], [7, 7]]
-    assert [panel.get_visible() for panel in empty] == [False] * 3
-
-
 def test_the_share_of_small_errors_is_read_off_a_rising_curve_and_said_in_words():
     (axes,) = drawn(curves.lattice_errors({"fine": np.array([3.0, 1, 2, 9]), "coarse": np.array([5.0, 6, 7, 8])}, 4))
     assert axes.lines[0].get_xydata().tolist() == [[1, 25], [2, 50], [3, 75], [9, 100]]

@@ -60,7 +60,7 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
 
 
 REDRAWN = (
-    *("fig3-thresholds", "calibration-marginals", "varying", "varying-own", "rooms", "rooms-matrix"),
+    *("fig3-thresholds", "calibration-finalists", "varying", "today", "rooms", "rooms-matrix"),
     *("drives-start", "worth", "worth-everywhere"),
 )
 

@@ -11,9 +11,8 @@ from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.errors import UserError
 from homing_lib.settings import Settings
 from homing_lib.storage import npz_bytes, read_arrays
-from homing_lib.study import runs
-from homing_lib.study.runs import Study, compare, content_of, episode_matrix, episodes_of, load, path_of
-from homing_lib.study.sweep import sweep, verify
+from homing_lib.study.runs import Study, content_of, episode_matrix, episodes_of, load, path_of
+from homing_lib.study.sweep import TOLERANCE, compare, sweep, verify
 from tests.kills import stored_in
 
 TINY = Settings(images="compact", episodes=2, survey_steps=20, max_steps=10)
@@ -168,6 +167,6 @@ def test_verification_repeats_the_first_run_live_and_tells_a_tampered_one_from_i
         path = path_of(study.folder, TINY, 3)
         whole = load(path)
         assert "to the bit (seed 3, 2 episodes, 20 steps)" in verify(study)
-        for by, words in ((1e-9, f"within {runs.TOLERANCE:g}, though not to the bit"), (1e-3, "does NOT reproduce")):
+        for by, words in ((1e-9, f"within {TOLERANCE:g}, though not to the bit"), (1e-3, "does NOT reproduce")):
             write(changed(whole, steps=by), path)
             assert words in verify(study)

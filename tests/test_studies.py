@@ -19,7 +19,7 @@ from homing_lib.robot import drive
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
-from homing_lib.study import findings, measures, runs, studies
+from homing_lib.study import findings, measures, runs, studies, sweep
 from homing_lib.study.questions import learns, printed
 from homing_lib.study.robots import Kidnapped
 from homing_lib.study.runs import DATA, Study, load_table
@@ -336,7 +336,7 @@ def sample(study, count):
 def test_the_shortest_run_of_the_headline_is_the_same_when_computed_again():
     stored = [one for results in runs.load_study(studies.HEADLINE).values() for one in results]
     one = min(stored, key=lambda result: len(result.steps))
-    assert runs.compare(one, run(one.settings, one.seed)) in ("to the bit", "within tolerance")
+    assert sweep.compare(one, run(one.settings, one.seed)) in ("to the bit", "within tolerance")
 
 
 def test_a_run_with_the_camera_and_some_on_the_coarsest_atlas_are_the_same_when_computed_again():

@@ -1,7 +1,6 @@
 """Charts of one thing each: thresholds, lambda and its trace, the calibration, who learns with what."""
 
 from collections.abc import Mapping, Sequence
-from math import ceil
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
-from homing_lib.publish.parts import beside, log_axis, name_rows, panels
+from homing_lib.publish.parts import beside, name_rows, panels
 from homing_lib.publish.style import BLUE, COLOURS, GREY, INK, ORANGE, Look, styled
 from homing_lib.study.findings import Finding
 from homing_lib.study.theorem import Distance
@@ -121,31 +120,6 @@ def conjugate(finding: Finding, lambda_: Array, reset: NDArray[np.bool_]) -> Fig
     name_rows(shares, KEPT)
     shares.set(xlim=(0, 100), xlabel="steps (%)")
     shares.set_title("grey: all weights updated", loc="right")
-    return figure
-
-
-@styled
-def marginals(choices: Mapping[str, Mapping[str, Array]], chosen: Mapping[str, str], top: float) -> Figure:
-    """Scores of the candidates by each of their choices, with the median; the value chosen stands out.
-
-    choices: by setting and value, the scores of all candidates that have it; top: the worst score there is.
-    """
-    rows = ceil(len(choices) / 4)
-    figure, grid = panels(1.75 * rows, 4, rows, sharey=True)
-    rng = np.random.default_rng(0)
-    for axes, (name, by_value) in zip(grid, choices.items(), strict=False):
-        for place, (value, scores) in enumerate(by_value.items()):
-            colour = BLUE if value == chosen[name] else GREY
-            spread = place + rng.uniform(-0.22, 0.22, scores.size)
-            axes.plot(spread, scores, ".", color=colour, markersize=2.5, alpha=0.7)
-            axes.hlines(np.median(scores), place - 0.38, place + 0.38, color=colour, linewidth=1.8)
-        axes.set(title=name, yscale="log", ylim=(None, 1.15 * top), xlim=(-0.6, len(by_value) - 0.4))
-        crowded = sum(map(len, by_value)) > 20
-        axes.set_xticks(range(len(by_value)), list(by_value), fontsize=6 if crowded else 7, rotation=35 * crowded)
-        log_axis(axes, "y")
-    plt.setp(grid[::4], ylabel="steps per episode")
-    for axes in grid[len(choices) :]:
-        axes.set_visible(False)
     return figure
 
 

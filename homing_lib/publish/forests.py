@@ -178,13 +178,6 @@ OPPONENTS = {
     "form 3": "form3",
     "a fixed λ at its mean": "mean",
 }
-OWN = {
-    "form 2": "paper.{}.mean.total",
-    "form 1": "own.{}.form1.total",
-    "form 3": "own.{}.form3.total",
-    "the gate": "own.{}.gate.total",
-    "the opposite gate": "own.{}.opposite.total",
-}
 
 
 def under_both(finding: Finding, rows: Mapping[str, str]) -> dict[str, list[Comparison]]:
@@ -204,12 +197,6 @@ def varying(finding: Finding) -> Figure:
         Panel("share lost − theirs\n(the same within .02)", rows("lost"), reference=0, log=False),
         series=list(UPDATES),
     )
-
-
-def own_mean(finding: Finding) -> Figure:
-    """Each varying rule against a fixed lambda at its own mean, under both updates: total steps."""
-    label = "total steps / those of a fixed λ at the rule's own mean"
-    return forest(Panel(label, under_both(finding, OWN)), series=list(UPDATES))
 
 
 def rooms(finding: Finding, names: Sequence[str]) -> Figure:

@@ -164,7 +164,7 @@ def tours(
         axes.plot(after, steps.value, "s", color=COLOURS["frozen"], markersize=5)
     beside(axes, "frozen after so many", (after, steps.value), (0, -13), ha="right", color=COLOURS["frozen"])
     axes.set(xlabel="tour", ylabel="steps of a tour", xlim=(1, number[-1]), yscale="log")
-    axes.set_title("with a plan tours get shorter, then longer again")
+    axes.set_title("with a plan")
     for name, value in levels.items():
         level(axes, value, name, at=0.72)
     log_axis(axes, "y")

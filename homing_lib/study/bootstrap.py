@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
 from homing_lib.features import Array
 
@@ -106,6 +105,8 @@ def ratio_unpaired(ours: ArrayLike, theirs: ArrayLike, comparisons: int = 1) -> 
     For so few robots percentile intervals are too short. They are taken as far out as Student's t asks of the smaller
     side (Hesterberg, What teachers should know about the bootstrap, The American Statistician 69, 2015, section 4.1).
     """
+    from scipy.special import stdtrit  # slow to load
+
     a, b = np.asarray(ours, dtype=float), np.asarray(theirs, dtype=float)
     n = min(len(a), len(b))
     out = np.sqrt(n / (n - 1)) * stdtrit(n - 1, 1 - 0.025 / comparisons)

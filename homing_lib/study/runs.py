@@ -39,7 +39,7 @@ Columns = dict[str, Array]
 Measure = Callable[[Settings, int], Columns]
 """Makes a run, of these settings and this seed, and returns the table that is kept of it."""
 
-_ARRAYS = ("steps", "lengths", "reached")
+ARRAYS = ("steps", "lengths", "reached")
 
 
 class Job(NamedTuple):
@@ -197,7 +197,7 @@ def path_of(folder: Path, settings: Settings, seed: int) -> Path:
 def content_of(result: Run) -> bytes:
     """A run as the bytes of a file: the same for the same run."""
     about = {"settings": result.settings.model_dump(), "seed": result.seed, "diverged": result.diverged}
-    return npz_bytes(about, {name: getattr(result, name) for name in _ARRAYS})
+    return npz_bytes(about, {name: getattr(result, name) for name in ARRAYS})
 
 
 @_with_remedy()
@@ -231,21 +231,6 @@ def load_one(study: Study, settings: Settings, seed: int) -> Run:
     result = load(path)
     check(path, read_manifest(study))
     return result
-
-
-TOLERANCE = 1e-6
-"""How far a repeated run may differ from the stored one on another processor, absolutely or relative to a number's
-size: exponentials and dot products differ there in the last bits, and learning carries the difference on."""
-
-
-def compare(stored: Run, live: Run) -> str:
-    """How a repeated run compares with the stored one: "to the bit", "within tolerance", or "not"."""
-    pairs: list[tuple[Any, Any]] = [(getattr(stored, name), getattr(live, name)) for name in (*_ARRAYS, "diverged")]
-    if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
-        return "to the bit"
-    if all(np.shape(a) == np.shape(b) and np.allclose(a, b, TOLERANCE, TOLERANCE, True) for a, b in pairs):
-        return "within tolerance"
-    return "not"
 
 
 # --- Tables -------------------------------------------------------------------------------------------------------

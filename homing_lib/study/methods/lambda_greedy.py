@@ -26,10 +26,12 @@ from homing_lib.study.methods.base import register
 from homing_lib.study.methods.step_size_bound import BoundedSarsa
 
 
-def greedy_lambda(bias: float, variance: float) -> float:
-    """The lambda of a state, from what its value is wrong by and how much returns from it vary; 1 where both are 0."""
+def greedy_lambda(bias: float, variance: float, unknown: float = 0.0) -> float:
+    """The lambda of a state, from what its value is wrong by and how much returns from it vary; 1 while no more than
+    this is known of both.
+    """
     total = bias * bias + max(variance, 0.0)
-    return bias * bias / total if total else 1.0
+    return bias * bias / total if total > unknown else 1.0
 
 
 class LambdaGreedySarsa(LinearSarsa):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from homing_lib.lambdas import Array, Fixed
 from homing_lib.sarsa import silent
+from homing_lib.study.methods.lambda_greedy import greedy_lambda
 from homing_lib.td import TrueOnlineTD
 
 UNKNOWN = sqrt(np.finfo(float).eps)  # a variance up to this is none yet, as in the code of META's authors
@@ -111,8 +112,8 @@ class LambdaGreedy(_Helped):
         here, ahead = _arrays(phi, phi_next, terminal)
         value_ahead = self.weights @ ahead
         delta = self._learn(here, reward, ahead, terminal, 1.0)
-        bias, variance = float(self.mean.weights @ ahead - value_ahead) ** 2, max(0.0, float(self.variance @ ahead))
-        self.lambda_ = bias / (bias + variance) if bias + variance > UNKNOWN else 1.0
+        bias = float(self.mean.weights @ ahead - value_ahead)
+        self.lambda_ = greedy_lambda(bias, float(self.variance @ ahead), UNKNOWN)
         return delta
 
 

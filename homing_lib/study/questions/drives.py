@@ -32,11 +32,13 @@ CAPS = (TRIAL_STEPS, 2000)
 KINDS = ("learning on", "restored", "frozen", "greedy", "forgetful", "untrained", "climb", "random")
 
 
-def after(episodes: int, **changes: Any) -> Settings:
-    """The first episodes of the schedule of twenty, its rates continued where there are more."""
-    return Settings(
-        images="atlas", episodes=episodes, first_episode_share=Settings().first_episode / episodes
-    ).with_changes(**changes)
+_ATLAS = Settings(images="atlas")
+
+
+def after(episodes: int, like: Settings = _ATLAS, **changes: Any) -> Settings:
+    """The first episodes of the schedule of twenty, its rates continued where there are more. like: all else."""
+    share = Settings().first_episode / episodes
+    return like.with_changes(**{"episodes": episodes, "first_episode_share": share, **changes})
 
 
 def tried(settings: Settings, seed: int) -> Columns:

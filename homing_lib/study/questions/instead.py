@@ -115,11 +115,10 @@ IMAGES = study(
 @later(varying.CHOICE.second)
 def published() -> Study:
     """The published model for as many steps, with the rates of the schedule of twenty episodes continued."""
-    standard = varying.chosen("paper", "all", varying.best_fixed("paper", "all"))
     return Study(
         "instead-published",
         "Form 2, and standard Sarsa at the fixed lambda and step size that suit it best, for as many steps.",
-        {"form2": Settings(images="atlas"), "standard": standard},
+        {"form2": Settings(images="atlas"), "standard": varying.standard("paper")},
         ROOM_ROBOTS,
         learning,
     )

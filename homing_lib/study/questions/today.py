@@ -120,9 +120,8 @@ def robots_of(method: str, room: str, tables: dict[str, Any]) -> Any:
     if method == "least-squares":
         return rows(tables["ceiling"], room=room)
     if method in ("form2", "standard"):
-        update = "taken" if method == "form2" else "all"
-        rule = FORM_2 if method == "form2" else varying.best_fixed(room, "all")
-        return rows(tables[room], like=varying.chosen(room, update, rule)).iloc[: len(ROBOTS)]
+        like = varying.standard(room) if method == "standard" else varying.chosen(room, "taken", FORM_2)
+        return rows(tables[room], like=like).iloc[: len(ROBOTS)]
     return rows(tables["today"], like=chosen(room, method))
 
 

@@ -201,11 +201,9 @@ def conditions(room: str) -> dict[str, Settings]:
     """Who drives, by name: form 2 with the defaults; standard Sarsa(lambda), all weights updated, with the fixed lambda
     and the step size that were chosen in this room for one home; and who does not learn.
     """
-    best = varying.chosen(room, "all", varying.best_fixed(room, "all"))
-    form_2 = after(TOURS, room=room)
     return {
-        "form2": form_2,
-        "standard": form_2.with_changes(update=best.update, lambda_rule=best.lambda_rule, alpha0=best.alpha0),
+        "form2": after(TOURS, room=room),
+        "standard": after(TOURS, varying.standard(room)),
         "climb": after(LATE + 1, room=room, controller="climb"),
         "random": after(LATE + 1, room=room, controller="random"),
     }

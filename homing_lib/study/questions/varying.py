@@ -84,6 +84,11 @@ def best_fixed(room: str, update: str) -> str:
     return min(FIXED, key=lambda rule: CHOICE.score(settings(room, update, rule)))
 
 
+def standard(room: str) -> Settings:
+    """Standard Sarsa(lambda): all weights updated, at the fixed lambda and the step size that suit it best."""
+    return chosen(room, "all", best_fixed(room, "all"))
+
+
 # --- A fixed lambda at a rule's own mean ------------------------------------------------------------------------------
 
 
