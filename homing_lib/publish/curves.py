@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -133,17 +134,18 @@ def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float])
     """Learning curves over environment steps: steps of the next ten episodes, mean of the robots and 95 % interval.
 
     at: environment steps, shape (n,); robots: shape (robots, n), by a name that begins with the thing whose colour it
-    has: its first is solid, others are thin and dashed. levels: by name.
+    has: its first is thick, solid and dash-dotted by turns, others are thin and dashed. levels: by name.
     """
     figure, (axes,) = panels(3.6)
     ends: dict[str, tuple[float, float]] = {}
     colours: list[str] = []
+    firsts, others = ("-", (0, (6, 1.5, 1, 1.5))), ((0, (4, 1.5)), (0, (1, 1)))
     for name, steps in robots.items():
         colour = next(COLOURS[thing] for thing in COLOURS if name.startswith(thing))
-        dashes = ("-", (0, (4, 1.5)), (0, (1, 1)))[colours.count(colour)]
-        solid = dashes == "-"
-        curve(axes, at, band(steps), (colour, dashes), alpha=0.2 if solid else 0.08)
-        axes.lines[-1].set_linewidth(1.8 if solid else 1)
+        earlier = colours.count(colour)
+        dashes: Any = others[earlier - 1] if earlier else firsts[len(set(colours)) % 2]
+        curve(axes, at, band(steps), (colour, dashes), alpha=0.08 if earlier else 0.2)
+        axes.lines[-1].set_linewidth(1 if earlier else 1.8)
         ends[name], colours = (float(at[-1]), float(steps[:, -1].mean())), [*colours, colour]
     axes.set(xlabel="environment steps so far", ylabel="steps of an episode", xlim=(at[0], at[-1]), xscale="log")
     for name, value in levels.items():
