@@ -58,13 +58,6 @@ def test_a_solution_fills_its_cell_above_the_check_and_the_students_lab_has_none
         assert answer not in given
 
 
-def test_a_checkout_with_other_line_ends_gives_the_same_archives(desk):
-    before = [path.read_bytes() for path in handouts.write(desk / "before")]
-    for path in (handouts.LAB, handouts.GUIDE, desk / "lab" / "README.md"):
-        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert [path.read_bytes() for path in handouts.write(desk / "after")] == before
-
-
 MISFITS = {
     "a solution lost": (lambda lab, guide: (lab, guide.replace("```python reach", "```python")), "9 .* 10 .*reach"),
     "a solution of no cell": (lambda lab, guide: (lab, f"{guide}\n```python further\n1\n```\n"), "11 .*further"),

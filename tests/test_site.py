@@ -51,17 +51,6 @@ def test_written_a_second_time_it_is_the_same_to_the_byte_and_nothing_of_an_olde
     assert {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.*")} == files
 
 
-def test_from_a_checkout_with_other_ends_of_lines_it_is_the_same(files, monkeypatch):
-    as_it_is = site.content
-
-    def as_on_windows(path: Path) -> bytes:
-        binary = path.suffix in site.BINARY
-        return as_it_is(path) if binary else as_it_is(path).replace(b"\n", b"\r\n")
-
-    monkeypatch.setattr(site, "content", as_on_windows)
-    assert site.build() == files
-
-
 def test_without_docstrings_as_under_python_oo_a_figure_keeps_its_words(monkeypatch):
     words = site.in_words(charts.conjugate)
     monkeypatch.setattr(inspect.unwrap(charts.conjugate), "__doc__", None)

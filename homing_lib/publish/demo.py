@@ -17,7 +17,7 @@ from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import findings
-from homing_lib.study.runs import missing
+from homing_lib.study.runs import present
 from homing_lib.study.walk import EPISODES, RACE_SIZES
 from homing_lib.surfaces import Image, paint
 
@@ -42,11 +42,8 @@ def scripts(names: tuple[str, ...] = CORE) -> str:
 
 
 def source(name: str) -> str:
-    """The text of a file of the page, with plain ends of lines."""
-    path = SOURCES / name
-    if not path.exists():
-        raise missing(path, "missing; restore it with git")
-    return path.read_text(encoding="utf-8")
+    """The text of a file of the page."""
+    return present(SOURCES / name).read_text(encoding="utf-8")
 
 
 def build() -> str:

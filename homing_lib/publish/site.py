@@ -29,7 +29,7 @@ from homing_lib.publish.where import draws, imports, in_words, looked_up
 from homing_lib.settings import Settings
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import errata, findings
-from homing_lib.study.runs import missing
+from homing_lib.study.runs import present
 
 SITE = ROOT / ".build" / "site"
 TEMPLATE = NOTEBOOKS / "site"
@@ -48,7 +48,6 @@ DOORS = (
 TEXTS = {"index.html": ROOT / "README.md", "teaching.html": NOTEBOOKS / "TEACHING.md"}
 COPIED = (".pdf", ".png", ".gif", ".ipynb")
 """What comes along where a page links to it; a link to a source becomes plain text."""
-BINARY = (".pdf", ".png", ".gif", ".parquet")
 
 HOMEWARDS = ("<h1>The homing companion</h1>", '<h1><a href="index.html">The homing companion</a></h1>')
 """The heading of the demonstration, and what it is in the site: the way back."""
@@ -83,21 +82,15 @@ def build() -> dict[str, bytes]:
             describe(notebook)
             around = {"before": ends[place - 1], "after": ends[place + 1], "folded": place > LESSONS}
             files |= converted(notebook, address, partial(links.from_folder, NOTEBOOKS), **around)
-    return files | {
-        path.relative_to(ROOT).as_posix(): content(path) if path.suffix in BINARY else text(path).encode()
-        for path in links.copied
-    }
+    return files | {path.relative_to(ROOT).as_posix(): content(path) for path in links.copied}
 
 
 def content(path: Path) -> bytes:
-    if not path.exists():
-        raise missing(path, "missing; `make` builds it, and git has it")
-    return path.read_bytes()
+    return present(path, "missing; `make` builds it, and git has it").read_bytes()
 
 
 def text(path: Path) -> str:
-    """With plain ends of lines, however git has written them."""
-    return content(path).decode("utf-8").replace("\r\n", "\n")
+    return content(path).decode("utf-8")
 
 
 # --- From a notebook to a page ---------------------------------------------------------------------------------------

@@ -167,6 +167,13 @@ def missing(path: Path, remedy: str) -> UserError:
     return UserError(f"{path}: missing, for {where}; clone it and work there")
 
 
+def present(path: Path, remedy: str = "missing; restore it with git") -> Path:
+    """The path of a file of the repository. Raises UserError, as `missing` has it, if it is not there."""
+    if not path.exists():
+        raise missing(path, remedy)
+    return path
+
+
 @contextmanager
 def _with_remedy() -> Iterator[None]:
     try:

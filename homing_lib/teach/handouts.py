@@ -16,7 +16,7 @@ import nbformat
 from homing_lib.errors import UserError
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, execute
 from homing_lib.storage import ROOT, write_bytes
-from homing_lib.study.runs import missing
+from homing_lib.study.runs import present
 
 LAB = NOTEBOOKS / "lab.ipynb"
 GUIDE = NOTEBOOKS / "lab" / "teacher.md"
@@ -36,11 +36,11 @@ def students() -> dict[str, bytes]:
     kinds = ".py", ".toml", ".mplstyle", ".atlas"
     library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in kinds]
     files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
-    packed = {path.relative_to(ROOT).as_posix(): _content(path) for path in files}
+    packed = {path.relative_to(ROOT).as_posix(): present(path).read_bytes() for path in files}
     for cell in to_fill(blank := filled({})):
         if "..." not in cell.source:
             raise UserError(f"{LAB}: cell {cell.id} has an answer where students fill in theirs; put `...` there")
-    return packed | {LAB.name: _written(blank), "README.md": _content(GUIDE.with_name("README.md"))}
+    return packed | {LAB.name: _written(blank), "README.md": present(GUIDE.with_name("README.md")).read_bytes()}
 
 
 def teacher() -> dict[str, bytes]:
@@ -51,12 +51,12 @@ def teacher() -> dict[str, bytes]:
             f"{GUIDE}: {len(answers)} solutions for {len(cells)} cells to fill in {LAB.name}; "
             f"mend {', '.join(odd)}, or the cell's tag `answer`"
         )
-    return {"README.md": _content(GUIDE), "lab-solved.ipynb": executed(answers)}
+    return {"README.md": GUIDE.read_bytes(), "lab-solved.ipynb": executed(answers)}
 
 
 def solutions() -> dict[str, str]:
     """The code of each solution by the id of the cell to fill, from the teacher's guide."""
-    return dict(re.findall(r"^```python (\S+)\n(.*?)\n```$", _text(GUIDE), re.M | re.S))
+    return dict(re.findall(r"^```python (\S+)\n(.*?)\n```$", present(GUIDE).read_text(encoding="utf-8"), re.M | re.S))
 
 
 def to_fill(notebook: Notebook) -> list[Notebook]:
@@ -66,7 +66,7 @@ def to_fill(notebook: Notebook) -> list[Notebook]:
 
 def filled(answers: Mapping[str, str]) -> Notebook:
     """The lab with these answers, by the id of the cell; its last line, which checks, stays. Others stay blank."""
-    notebook = nbformat.reads(_text(LAB), as_version=4)
+    notebook = nbformat.read(present(LAB), as_version=4)
     for cell in notebook.cells:
         if cell.id in answers:
             cell.source = f"{answers[cell.id]}\n\n{cell.source.splitlines()[-1]}"
@@ -95,17 +95,6 @@ def archive(folder: str, files: Mapping[str, bytes]) -> bytes:
             about.compress_type, about.create_system, about.external_attr = zipfile.ZIP_DEFLATED, 3, 0o644 << 16
             packed.writestr(about, content)
     return buffer.getvalue()
-
-
-def _content(path: Path) -> bytes:
-    """A file as it is packed: text with "\\n" at the ends of its lines, however it was checked out."""
-    return path.read_bytes() if path.suffix == ".atlas" else _text(path).encode()
-
-
-def _text(path: Path) -> str:
-    if not path.exists():
-        raise missing(path, "missing; restore it with git")
-    return path.read_text(encoding="utf-8")
 
 
 def _written(notebook: Notebook) -> bytes:
