@@ -2,8 +2,6 @@
 
 import io
 import os
-import shutil
-import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
@@ -12,14 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from homing_lib.errors import RESUMES, UserError, nearest, shown
-from homing_lib.storage import ROOT, atomic_write, write_bytes
+from homing_lib.errors import RESUMES, UserError, shown
+from homing_lib.storage import atomic_write, write_bytes
 
 if TYPE_CHECKING:
     from homing_lib.settings import Settings
-
-RENAMED = {"sweep": "data NAME", "report": "numbers"}
-"""Verbs of earlier versions, and what does the same now."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -77,20 +72,10 @@ def _one_line(error: Exception) -> str:
 
 
 class _Verbs(click.Group):
-    """Commands in the order of this file; one that was renamed, or misspelt, is answered with the name to use."""
+    """Commands in the order of this file."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name = args[0]
-        if name in RENAMED:
-            raise UserError(f"{name} is now `homing {RENAMED[name]}`")
-        if name not in self.commands and not name.startswith("-"):
-            raise UserError(f"{shown(name)}: no such command; `homing --help` lists them{nearest(name, self.commands)}")
-        return super().resolve_command(ctx, args)
 
 
 @click.group(cls=_Verbs, no_args_is_help=False)
@@ -314,18 +299,6 @@ def site() -> None:
 
     site.write()
     print_paths([site.SITE / "index.html"])
-
-
-@homing.command()
-def lectures() -> None:
-    """Two lectures on slides, and their notes: runs `make lectures`, which needs LaTeX."""
-    from homing_lib.study.runs import require_clone
-
-    require_clone()
-    if not (make := shutil.which("make")):
-        raise UserError("lectures: they are built by make, which is not installed")
-    if subprocess.run([make, "-C", ROOT, "lectures"], check=False).returncode:
-        raise UserError("lectures: `make lectures` failed; see above")
 
 
 def print_paths(paths: Iterable[Path]) -> None:
