@@ -48,7 +48,7 @@ $(shell for stamp in $(STAMPS); do [ -s $$stamp ] && cut -d ' ' -f 3- $$stamp | 
   rm -f $$stamp; done 2>/dev/null)
 
 all: .build/verified .build/report .build/demo .build/summary ## everything: data, a live check, notebooks, figures, report
-	@cat .build/summary
+	@cat .build/summary .build/verified
 	@echo "Report: paper/report.pdf"
 
 # Environments. One of another Python, or that was copied or moved with its folder, is made anew.

@@ -61,13 +61,6 @@ def test_every_question_claim_and_erratum_has_a_row_of_the_report_and_a_line_in_
     assert [line.split()[0] for line in report.summary().splitlines()[-len(asked) :]] == asked
 
 
-def test_the_last_live_check_is_part_of_the_summary(monkeypatch, tmp_path):
-    monkeypatch.setattr(report, "VERIFIED", tmp_path / "verified")
-    without = report.summary()
-    report.VERIFIED.write_text("to the bit\n")
-    assert [line for line in report.summary().splitlines() if line not in without.splitlines()] == ["to the bit"]
-
-
 def test_findings_and_errata_are_plain_paragraphs_whose_tests_can_be_copied():
     told, slips = report.judged(), report.misprints()
     assert re.findall(r"^(\w+): .*\n  Predicate: ", told, re.M) == list(findings.questions())

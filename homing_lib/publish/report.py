@@ -8,22 +8,16 @@ from homing_lib.features import bins_per_channel
 from homing_lib.publish import prose, where
 from homing_lib.publish.tex import escaped, row, tex
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT
 from homing_lib.study import errata, findings, headline
 from homing_lib.study.headline import Headline
 from homing_lib.study.measures import WINDOW
 from homing_lib.thresholds import stopping_thresholds
 
-VERIFIED = ROOT / ".build" / "verified"
-"""What `make verify` said last."""
-
 
 def summary() -> str:
-    """What `make` prints when all is done: the headline, and every verdict."""
+    """The headline, and every verdict."""
     h = headline.stored()
     lines = [headline.conclusion(h), *headline.in_numbers(h)]
-    if VERIFIED.exists():
-        lines.append(VERIFIED.read_text(encoding="utf-8").strip())
     lines.append("What was asked, and what the paper claims (`homing claims NAME` has the numbers and the predicate):")
     for one in findings.stored().values():
         lines.append(f"{one.name:<10}{one.verdict:<52}{one.question.text}")
@@ -53,9 +47,8 @@ def misprints(names: Sequence[str] = ()) -> str:
 def _paragraphs(markdown: Iterable[object]) -> str:
     """Markdown as plain text of a terminal's width; names of tests are not broken."""
     texts = (re.sub(r"\*([^*]+)\*", r"\1", str(one).replace("**", "")) for one in markdown)
-    parts = [text.split("\n\n> ") for text in texts]
     wrapped = textwrap.TextWrapper(100, break_long_words=False, break_on_hyphens=False)
-    return "\n\n".join("\n".join(map(wrapped.fill, several)) for several in parts)
+    return "\n\n".join(map(wrapped.fill, texts))
 
 
 # --- LaTeX --------------------------------------------------------------------------------------------------------
