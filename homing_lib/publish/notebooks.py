@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import nbformat
 from traitlets.config import Config
@@ -151,11 +152,9 @@ def isolated() -> Iterator[Path]:
     # The sockets of a kernel must not have long paths, which temporary folders have on clusters.
     long = len(os.fsencode(tempfile.gettempdir())) > LONGEST_SOCKET - 20 and os.access("/tmp", os.W_OK)
     with tempfile.TemporaryDirectory(dir="/tmp" if long else None) as scratch:
-        before = os.environ.copy()
-        for name in before:
-            if name.startswith(("PYTHON", "IPYTHON", "JUPYTER")):
-                del os.environ[name]
-        os.environ.update(
+        theirs = ("PYTHON", "IPYTHON", "JUPYTER")
+        kept = {name: value for name, value in os.environ.items() if not name.startswith(theirs)}
+        changed = dict(
             dict.fromkeys(("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"), scratch),
             JUPYTER_PATH=f"{sys.prefix}/share/jupyter",
             JUPYTER_PLATFORM_DIRS="1",
@@ -165,8 +164,5 @@ def isolated() -> Iterator[Path]:
             PYTHONPATH=str(Path(homing_lib.__file__).parents[1]),  # the same library in the kernel as here
             **REPRODUCIBLE,
         )
-        try:
+        with patch.dict(os.environ, kept | changed, clear=True):
             yield Path(scratch)
-        finally:
-            os.environ.clear()
-            os.environ.update(before)

@@ -4,17 +4,13 @@ Colours are Okabe and Ito's, which the colour-blind tell apart; lines differ in 
 grey prints.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple
 
 import matplotlib
 import matplotlib.pyplot as plt
-from matplotlib.figure import Figure
-
-P = ParamSpec("P")
 
 SHEET = Path(__file__).with_name("homing.mplstyle")
 TEXT_WIDTH = 6.3  # inches, of the report
@@ -72,19 +68,11 @@ def house_style(changes: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Within it matplotlib's own defaults hold, our sheet and these changes, whatever a user's matplotlibrc says."""
     with plt.style.context(["default", SHEET, dict(changes or {})]):
         yield
+        interactive = plt.isinteractive()
+    # The first figure loads the backend. A notebook's then switches interactive mode on, without which it shows nothing
+    # more; leaving the context has switched it off again.
+    matplotlib.interactive(interactive)
 
 
-def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A function that draws a figure, in our style and at no cost to anyone else's."""
-
-    @wraps(plot)
-    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with house_style():
-            figure = plot(*args, **kwargs)
-            interactive = plt.isinteractive()
-        # The first figure loads the backend. A notebook's then switches interactive mode on, without which it shows
-        # nothing more; leaving the context would switch it off again.
-        matplotlib.interactive(interactive)
-        return figure
-
-    return in_style
+styled = house_style()
+"""For a function that draws a figure: in our style, and at no cost to anyone else's."""
