@@ -161,7 +161,8 @@ def test_nothing_rests_on_what_was_not_found_and_flipping_any_verdict_names_the_
     pinned = {key for one in every for key in one.pins}
     assert pinned >= {one.name for one in findings.questions().values() if not one.is_claim}
     for key in pinned:
-        named = prose.broken({**words, key: f"not {words[key]}"})
+        monkeypatch.setattr(findings, "verdicts", lambda flipped=words | {key: f"not {words[key]}"}: flipped)
+        named = prose.broken()
         resting = [one.where for one in every if key in one.pins]
         assert [line.partition(f": rests on {key} = {words[key]!r}, found 'not ")[0] for line in named] == resting
 

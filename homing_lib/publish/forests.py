@@ -15,12 +15,13 @@ UPDATES = {"the paper's update": "taken", "all weights updated": "all"}
 
 
 class Panel(NamedTuple):
-    """Rows of intervals: by row, one for each series. reference: what they are held against; log: on such a scale."""
+    """Rows of intervals: by row, one for each series. reference: what they are held against; if 0, the scale is linear,
+    else logarithmic.
+    """
 
     label: str
     rows: Mapping[str, Sequence[Comparison | Interval]]
     reference: float = 1
-    log: bool = True
 
 
 @styled
@@ -37,7 +38,7 @@ def forest(*blocks: Panel, series: Sequence[str] = ()) -> Figure:
                 mark(axes, interval, place + (number - (len(beside) - 1) / 2) * 0.32, shown_as(word, colour))
         axes.axvline(block.reference, **DASHED, zorder=0)
         axes.set_xlabel(block.label)
-        if block.log:
+        if block.reference != 0:
             log_axis(axes, "x", narrow=len(blocks) > 3 or max(map(len, rows)) > 30)
         name_rows(axes, rows)
     handles = [handle(name, Look(colour), 4.5, "-") for name, colour in zip(series, (INK, GREY), strict=False)]
@@ -194,7 +195,7 @@ def varying(finding: Finding) -> Figure:
     return forest(
         Panel("total steps / theirs\n(left: form 2 takes fewer)", rows("total")),
         Panel("late steps / theirs,\ntypical robot", rows("late")),
-        Panel("share lost − theirs\n(the same within .02)", rows("lost"), reference=0, log=False),
+        Panel("share lost − theirs\n(the same within .02)", rows("lost"), reference=0),
         series=list(UPDATES),
     )
 
@@ -252,6 +253,6 @@ def today(finding: Finding) -> Figure:
     return forest(
         Panel("total steps /\nform 2's\n(left: fewer)", rows("total")),
         Panel("late steps / form 2's,\ntypical robot", rows("late")),
-        Panel("share lost − form 2's\n(the same within .02)", rows("lost"), reference=0, log=False),
+        Panel("share lost − form 2's\n(the same within .02)", rows("lost"), reference=0),
         series=["the paper's room", "the attic"],
     )

@@ -11,7 +11,7 @@ in the paragraph that rests on them. A paragraph that quotes a comparison with a
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -100,13 +100,9 @@ def _of_text(where: str, text: str) -> Iterator[Paragraph]:
             yield Paragraph(where, " ".join(_PINS.sub("", _MARKED.sub(r"\2", part)).split())[:80], pins, quoted)
 
 
-def broken(words: Mapping[str, str] | None = None) -> list[str]:
-    """Paragraphs that rest on what was not found, or quote a comparison that has a word without a pin: a line each.
-
-    words: as `findings.verdicts` has them, which it is by default.
-    """
-    words = findings.verdicts() if words is None else words
-    lines = []
+def broken() -> list[str]:
+    """Paragraphs that rest on what was not found, or quote a comparison that has a word without a pin: a line each."""
+    words, lines = findings.verdicts(), []
     for one in paragraphs():
         fallen = [(key, word, words.get(key, "no such verdict")) for key, word in one.pins.items()]
         what = [f"rests on {key} = {word!r}, found {found!r}" for key, word, found in fallen if word != found]

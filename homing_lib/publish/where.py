@@ -113,13 +113,10 @@ def reported() -> dict[str, Drawn]:
 
 
 def _named(name: str, every: Mapping[str, Drawn], numbered: Sequence[str]) -> str:
-    begun = [one for one in every if one == name or (name.startswith("fig") and one.startswith(f"{name}-"))]
-    if begun:
-        return begun[0]
-    if (number := re.fullmatch(r"(?:fig)?0*([1-9]\d{0,3})", name)) and int(number[1]) <= len(numbered):
-        if not (there := numbered[int(number[1]) - 1]):
-            raise UserError(f"figure {shown(name)}: it is typeset in {REPORT}, from no data")
-        return there
+    by_number = {str(place): one for place, one in enumerate(numbered, 1) if one}
+    begun = (one for one in every if one == name or (name.startswith("fig") and one.startswith(f"{name}-")))
+    if found := next(begun, by_number.get(name.removeprefix("fig"))):
+        return found
     raise UserError(f"figure {shown(name)}: no notebook draws it; there are {', '.join(every)}{nearest(name, every)}")
 
 
