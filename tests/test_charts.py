@@ -1,5 +1,7 @@
 """What is drawn is what was found: marks, curves and words of the figures, on numbers that fit in a hand."""
 
+from types import SimpleNamespace
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -11,13 +13,12 @@ from matplotlib.text import Text
 
 from homing_lib.publish import charts, curves, forests, parts, plans
 from homing_lib.publish.forests import Panel, forest
-from homing_lib.publish.style import AMBER, BLUE, GREY, INK, TEXT_WIDTH
+from homing_lib.publish.style import AMBER, BLUE, INK, TEXT_WIDTH
 from homing_lib.rooms import PAPER
 from homing_lib.settings import Settings
 from homing_lib.study import theorem
 from homing_lib.study.bootstrap import Interval
 from homing_lib.study.findings import Comparison
-from homing_lib.study.rules import Rules
 
 # Warnings are errors, but of files that an earlier test left to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("error", "ignore::ResourceWarning")
@@ -39,6 +40,10 @@ WORDS = {
 
 def number(value: float, word: str = "") -> Comparison:
     return Comparison(value, 0.9 * value, 1.2 * value, word)
+
+
+def headline(first: Interval, last: Interval, random: Interval) -> SimpleNamespace:
+    return SimpleNamespace(first=first, last=last, random=random, settings=Settings())
 
 
 def drawn(figure: Figure) -> list[Axes]:
@@ -69,10 +74,7 @@ def drawn(figure: Figure) -> list[Axes]:
             {name: RUNS for name in ("form 2", "standard Sarsa(λ)", "PPO", "PPO, constant cost", "DQN")},
             {"climb": 61.0},
         ),
-        lambda: forests.finalists({"a": Interval(30, 28, 33)}, {"a": 25.0}),
-        lambda: curves.learning_curves(
-            RUNS, -LOST, LOST, RUNS, np.linspace(1, 0.3, 20), *[Interval(90, 80, 99)] * 3, window=5
-        ),
+        lambda: curves.learning_curves(RUNS, -LOST, LOST, RUNS, headline(*[Interval(90, 80, 99)] * 3)),
     ],
 )
 def test_images_and_awkward_data_are_drawn_without_a_warning_on_the_page(figure):
@@ -134,16 +136,6 @@ def test_a_reading_of_the_print_that_learns_is_a_disc_and_one_that_does_not_a_sq
     assert places(axes)[3:] == [(INK, 80, 1), (INK, 50, 1), (AMBER, 50, 1)]
 
 
-def test_rules_are_drawn_against_the_first_by_the_words_of_their_table():
-    found = Rules({"form 2": RUNS, "same": RUNS, "slow": 3 * RUNS})
-    learning, against = drawn(curves.rules(found))
-    assert words(learning.texts) == ["form 2", "same", "slow"]
-    assert [label.get_text() for label in against.get_yticklabels()] == ["same", "slow"]
-    assert marks(against) == [("D", True), ("D", True), ("s", True), ("s", True)]  # of all steps, and of the late ones
-    assert places(against) == [(INK, 1, -0.14), (GREY, 1, 0.14), (INK, 3, 0.86), (GREY, 3, 1.14)]
-    np.testing.assert_allclose(learning.lines[0].get_xydata(), np.column_stack([range(1, 21), RUNS.mean(axis=0)]))
-
-
 def test_the_frozen_robots_stand_after_the_episodes_that_they_learnt():
     (axes,) = drawn(curves.learns(RUNS, RUNS[:2], {"least": 20}, {10: number(60)}))
     assert places(axes) == [(AMBER, 10, 60)]
@@ -153,12 +145,19 @@ def test_the_frozen_robots_stand_after_the_episodes_that_they_learnt():
 
 def test_a_title_says_that_steps_fall_only_if_the_intervals_do_not_touch():
     def title(last):
-        several = Interval(150, 140, 160), last, Interval(300, 250, 350)
-        figure = curves.learning_curves(RUNS, -RUNS, RUNS, -RUNS, np.ones(20), *several, window=5)
+        found = headline(Interval(150, 140, 160), last, Interval(300, 250, 350))
+        figure = curves.learning_curves(RUNS, -RUNS, RUNS, -RUNS, found)
         return figure.axes[0].get_title(loc="left")
 
     assert "from 150 to 30" in title(Interval(30, 25, 35))
     assert "no fall" in title(Interval(130, 110, 140))
+
+
+def test_a_curve_by_episode_is_the_mean_of_the_runs_and_there_may_be_more_of_them_than_colours():
+    (axes,) = drawn(curves.by_episode("", {str(times): times * RUNS for times in range(1, 10)}, "steps"))
+    assert words(axes.texts) == [str(times) for times in range(1, 10)]
+    for times, line in enumerate(axes.lines, start=1):
+        np.testing.assert_allclose(line.get_xydata(), np.column_stack([range(1, 21), times * RUNS.mean(axis=0)]))
 
 
 def test_names_at_the_ends_of_curves_do_not_overlap_and_stand_beside_those_that_end_below_zero():
@@ -182,12 +181,6 @@ def test_a_reset_is_hollow_and_what_becomes_of_the_steps_is_told_in_percent():
     assert [line.get_xydata().tolist() for line in trace.lines] == [[[1, 0.2], [3, 0.4]], [[2, 1.0]]]
     assert marks(trace) == [("o", True), ("o", False)]
     assert [bar.get_width() for bar in shares.patches] == [50] * 8
-
-
-def test_the_share_of_small_errors_is_read_off_a_rising_curve_and_said_in_words():
-    (axes,) = drawn(curves.lattice_errors({"fine": np.array([3.0, 1, 2, 9]), "coarse": np.array([5.0, 6, 7, 8])}, 4))
-    assert axes.lines[0].get_xydata().tolist() == [[1, 25], [2, 50], [3, 75], [9, 100]]
-    assert words(axes.get_legend().texts) == ["fine (75% within the band)", "coarse (0% within the band)"]
 
 
 def test_maps_of_one_figure_share_their_scale_in_percent():

@@ -210,5 +210,5 @@ def test_a_source_has_no_results_and_all_that_its_tools_need(source):
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 def test_every_executed_notebook_shows_at_least_the_figures_that_it_saves(source):
     saved = len(re.findall(r"figures\.(?:save|show)\(", source.read_text(encoding="utf-8")))
-    assert saved > 0
+    assert saved > 0 or source.stem == "05-atlas"  # of tables alone
     assert sum(map(images, code_cells(source.parent / "executed" / source.name))) >= saved

@@ -20,8 +20,6 @@ from homing_lib.publish.parts import (
     label_ends,
     level,
     log_axis,
-    mark,
-    name_rows,
     note,
     panels,
 )
@@ -36,31 +34,22 @@ from homing_lib.publish.style import (
     SKY,
     TEXT_WIDTH,
     Look,
-    shown_as,
     styled,
 )
 from homing_lib.study.bootstrap import Interval, band
 from homing_lib.study.findings import Comparison, Finding
-from homing_lib.study.rules import Rules
+from homing_lib.study.headline import Headline
+from homing_lib.study.measures import WINDOW
+from homing_lib.study.questions.simple import FROZEN, OF_SHORTEST, OF_SHORTEST_FROZEN, TIMES
 
 
 @styled
-def learning_curves(
-    steps: Array,
-    rewards: Array,
-    changes: Array,
-    random_rewards: Array,
-    step_size_rate: Array,
-    first: Interval,
-    last: Interval,
-    random: Interval,
-    window: int,
-) -> Figure:
+def learning_curves(steps: Array, rewards: Array, changes: Array, random_rewards: Array, found: Headline) -> Figure:
     """The paper's Fig. 6: steps, reward and parameter change per episode: mean and range of the runs.
 
-    random_rewards: of the uniform random policy; step_size_rate: the step size of each episode as a share of the
-    first's; first, last, random: mean steps over the first and last `window` episodes, and of the random policy.
+    steps, rewards, changes: shape (runs, episodes); random_rewards: of the random policy; found: their headline.
     """
+    first, last, random, rates = found.first, found.last, found.random, found.settings.step_size_rates
     figure = plt.figure(figsize=(TEXT_WIDTH, 4.3))
     top, middle, right = figure.subplot_mosaic("ss;rc", height_ratios=[1.35, 1]).values()
     episodes = np.arange(1, steps.shape[1] + 1)
@@ -70,12 +59,12 @@ def learning_curves(
     top.axhline(random.value, **DASHED)
     at = episodes[-1] + 0.4, 1.08 * random.high
     note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
-    for part, mean, name in ((slice(None, window), first, "first"), (slice(-window, None), last, "last")):
+    for part, mean, name in ((slice(None, WINDOW), first, "first"), (slice(-WINDOW, None), last, "last")):
         ends = episodes[part][0] - 0.4, episodes[part][-1] + 0.4
         below = 0.85 * steps[:, part].min()
         top.hlines(mean.value, *ends, color=ORANGE, linewidth=2.2)
         top.vlines(ends[0], below, mean.value, color=ORANGE, linewidth=0.6)
-        note(top, f"{name} {window}: {_steps(mean)}", (ends[0], below), va="top", ha="left", color=ORANGE)
+        note(top, f"{name} {WINDOW}: {_steps(mean)}", (ends[0], below), va="top", ha="left", color=ORANGE)
     falls = f"Steps per episode fall from {first.value:.0f} to {last.value:.0f}"
     top.set_title(falls if last.high < first.low else "Steps per episode: no fall shown")
     log_axis(top, "y")
@@ -86,7 +75,7 @@ def learning_curves(
     middle.set(title="Reward per episode", ylabel="summed reward")
 
     _mean_and_range(right, episodes, changes)
-    share = step_size_rate * np.nanmean(changes[:, 0]) / step_size_rate[0]
+    share = rates * np.nanmean(changes[:, 0]) / rates[0]
     right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
     beside(right, "the step size's own fall", (episodes[-1], share[-1]), (0, 11), ha="right")
     right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
@@ -160,41 +149,14 @@ def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float])
 def by_episode(title: str, tables: Mapping[str, Array], ylabel: str) -> Figure:
     """Mean and 95 % interval over the runs, by episode. tables: by label, shape (runs, episodes)."""
     figure, (axes,) = panels(2.7)
-    ends = _by_episode(axes, tables)
-    axes.set(title=title, ylabel=ylabel)
-    label_ends(axes, ends)
-    return figure
-
-
-def _by_episode(axes: Axes, tables: Mapping[str, Array]) -> dict[str, tuple[float, float]]:
-    """Draw mean and interval by episode; returns where each curve ends."""
     ends = {}
     for (name, table), line in zip(tables.items(), cycle(LINES), strict=False):
         episodes = np.arange(1, table.shape[1] + 1)
         curve(axes, episodes, band(table), line)
         ends[name] = float(episodes[-1]), float(table[:, -1].mean())
-    axes.set(xlabel="episode", xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
+    axes.set(title=title, xlabel="episode", ylabel=ylabel, xlim=(1, max(1.5, *(x for x, _ in ends.values()))))
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    return ends
-
-
-@styled
-def rules(compared: Rules) -> Figure:
-    """How rules learn, and the total and the late steps of each as a multiple of the first's."""
-    (first, steps), *_ = compared.steps.items()
-    figure, (learning, against) = panels(2.6, 2, width_ratios=[1.4, 1])
-    ends = _by_episode(learning, compared.steps)
-    log_axis(learning, "y")
-    learning.set(title=f"mean of {len(steps)} robots", ylabel="steps per episode")
-    label_ends(learning, ends)
-    for place, label in enumerate(compared.verdicts):
-        for up, colour, comparisons in ((-0.14, INK, compared.verdicts), (0.14, GREY, compared.late)):
-            mark(against, comparisons[label], place + up, shown_as(comparisons[label].verdict, colour))
-    against.axvline(1, **DASHED, zorder=0)
-    against.set_title("left of 1: fewer steps")
-    log_axis(against, "x", narrow=True)
-    name_rows(against, compared.verdicts, ticks=3.5)
-    against.set_xlabel(f"steps / those of {first}\n(black: total; grey: last five, typical)", loc="right")
+    label_ends(axes, ends)
     return figure
 
 
@@ -217,55 +179,46 @@ def worth(finding: Finding, rooms: Sequence[str], episodes: Sequence[int], start
 
 
 @styled
-def simple(
-    times: Sequence[int],
-    learning: Mapping[str, Array],
-    frozen: Mapping[str, Array],
-    names: Mapping[str, str],
-    shortest: float,
-    limits: tuple[float, float],
-    titles: tuple[str, str],
-) -> Figure:
+def simple(learning: Mapping[str, Array], frozen: Mapping[str, Array], shortest: float) -> Figure:
     """Who learns within how many steps of the environment, and who then comes home frozen.
 
-    learning: steps of the episode under way at these times, shape (robots, times); frozen: steps of each robot's greedy
-    trial, infinite if it did not come home; both by a name of COLOURS, for which `names` has what stands in the figure.
-    limits: learning on and frozen, as multiples of the shortest way.
+    learning: steps of the episode under way at TIMES, shape (robots, times); frozen: steps of each robot's greedy
+    trial, infinite if it did not come home; both by "simple", "form 2" and "standard". shortest: steps of that way.
     """
     figure, (left, right) = panels(2.9, 2, width_ratios=[1.3, 1])
+    names = {"simple": "the page", "form 2": "form 2", "standard": "standard Sarsa(λ)"}
+    handles = []
     for (who, taken), (_, dashes) in zip(learning.items(), LINES, strict=False):
         # Not the mean: whoever takes long is met under way more often.
-        curve(left, times, np.percentile(taken, (50, 25, 75), axis=0), (COLOURS[who], dashes))
+        curve(left, TIMES, np.percentile(taken, (50, 25, 75), axis=0), (COLOURS[who], dashes))
         steps = np.sort(frozen[who])
         home = 100 * np.arange(1, len(steps) + 1) / len(steps)
         right.step(steps, home, where="post", color=COLOURS[who], linestyle=dashes)
+        handles.append(handle(names[who], Look(COLOURS[who], ""), dashes=dashes))
     log_axis(left, "y")
     left.set(
         ylabel="steps of the episode under way\n(median and middle half of the robots)",
         xlabel="steps of the environment",
-        xlim=(times[0], times[-1]),
+        xlim=(TIMES[0], TIMES[-1]),
     )
-    for multiple in (1.0, limits[0]):
+    for multiple in (1.0, OF_SHORTEST):
         left.axhline(multiple * shortest, **DASHED)
     beside(
         left,
-        f"shortest way, and {limits[0]:g} times it",
+        f"shortest way, and {OF_SHORTEST:g} times it",
         (0.99, shortest),
         (0, -11),
         ha="right",
         xycoords=("axes fraction", "data"),
     )
     left.set_ylim(bottom=0.55 * shortest)
-    right.axvline(limits[1] * shortest, **DASHED)
+    right.axvline(OF_SHORTEST_FROZEN * shortest, **DASHED)
     right.set(ylabel="robots that are home (%)", xlabel="steps, frozen and greedy", ylim=(0, 102))
     right.set_xlim(0.75 * shortest, 10 * shortest)
     log_axis(right, "x", narrow=True)
-    beside(right, f"{limits[1]:g} times the shortest way", (limits[1] * shortest, 2), (4, 0))
-    for axes, title in zip((left, right), titles, strict=True):
-        axes.set_title(title)
-    handles = [
-        handle(names[who], Look(COLOURS[who], ""), dashes=line[1]) for who, line in zip(learning, LINES, strict=False)
-    ]
+    beside(right, f"{OF_SHORTEST_FROZEN:g} times the shortest way", (OF_SHORTEST_FROZEN * shortest, 2), (4, 0))
+    left.set_title("Learning on")
+    right.set_title(f"Frozen after {FROZEN:,} steps, greedy")
     key(figure, handles, len(handles), handlelength=3)
     return figure
 
@@ -292,25 +245,4 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
     axes.minorticks_off()
     label_ends(axes, ends)
-    return figure
-
-
-@styled
-def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
-    """Cumulative shares of the error of the similarity, by lattice; band_width: between the two thresholds."""
-    figure, (axes,) = panels(2.6, share=0.85)
-    widest = max(float(np.quantile(error, 0.995)) for error in errors.values())
-    within = {name: float((error < band_width).mean()) for name, error in errors.items()}
-    downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
-    for name, (colour, dashes) in zip(downwards, cycle(LINES), strict=False):
-        share = 100 * np.arange(1, errors[name].size + 1) / errors[name].size
-        label = f"{name} ({within[name]:.0%} within the band)"
-        axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)
-    axes.legend(loc="lower right", labelcolor="linecolor", handlelength=3)
-    axes.axvline(band_width, **DASHED)
-    beside(axes, "$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0))
-    least, most = min(within.values()), max(within.values())
-    axes.set(xlabel="|NRB of the atlas − NRB of the camera|", xlim=(0, widest))
-    axes.set(ylabel="random poses (%)", ylim=(0, 101))
-    axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
     return figure

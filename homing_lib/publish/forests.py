@@ -48,7 +48,7 @@ def forest(*blocks: Panel, series: Sequence[str] = ()) -> Figure:
     return figure
 
 
-# --- printed, and how it was calibrated -------------------------------------------------------------------------------
+# --- printed ----------------------------------------------------------------------------------------------------------
 
 LEARNS, FAILS = Look(COLOURS["form 2"]), Look(COLOURS["frozen"], "s")
 FIRST, CHANCE = Look(INK, "o", full=False), Look(COLOURS["random"], "|")
@@ -83,19 +83,6 @@ def printed(finding: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure
         handle("random actions", CHANCE, 9),
     ]
     key(figure, handles, 4, columnspacing=1.0)
-    return figure
-
-
-@styled
-def finalists(means: Mapping[str, Interval], scores: Mapping[str, float]) -> Figure:
-    """Steps of the best candidates of the calibration on new seeds, with intervals, and in the search (bars)."""
-    figure, (axes,) = panels(0.8 + 0.22 * len(means))
-    for place, (row, mean) in enumerate(means.items()):
-        mark(axes, mean, place, Look(INK))
-        axes.plot(scores[row], place, **Look(GREY, "|").line(9), markeredgewidth=1.8)
-    name_rows(axes, means)
-    axes.set_xlabel("steps per episode, episodes 11 to 20 (dots: on new seeds; bars: in the search)", loc="right")
-    log_axis(axes, "x")
     return figure
 
 

@@ -23,12 +23,12 @@ def panels(height: float, columns: int = 1, rows: int = 1, *, share: float = 1, 
     return figure, grid.ravel()
 
 
-def name_rows(axes: Axes, names: Iterable[str], ticks: float = 0) -> None:
-    """A row for each name at 0, 1, ..., from the top down. ticks: their length, in points."""
+def name_rows(axes: Axes, names: Iterable[str]) -> None:
+    """A row for each name at 0, 1, ..., from the top down."""
     names = list(names)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.tick_params(axis="y", length=ticks)
+    axes.tick_params(axis="y", length=0)
 
 
 def mark(
