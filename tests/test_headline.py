@@ -56,4 +56,4 @@ def test_a_run_that_diverged_counts_against_the_agent():
     lost = Run(lost.settings, lost.seed, lost.steps[:150], lost.lengths[:1], lost.reached[:1], diverged=2)
     h = Headline([lost, *good], RANDOM)
     assert (h.diverged, h.reached, h.total, h.verdict) == (1, 41, 60, "not below")
-    assert all("nan" not in text for text in report.numbers(h).values())
+    assert all("nan" not in text for text in report.given(h).values())

@@ -40,14 +40,22 @@ def test_table_one_has_a_row_for_each_of_its_settings_and_for_the_thresholds():
 
 
 @pytest.fixture(scope="module")
-def macros():
-    return dict(re.findall(r"^\\newcommand{\\(\w+)}{(.*?)}$", report.latex(), re.MULTILINE | re.DOTALL))
+def latex():
+    return report.latex()
 
 
-def test_every_number_that_the_report_and_the_lectures_use_is_defined_and_every_one_defined_is_used(macros):
+@pytest.fixture(scope="module")
+def macros(latex):
+    return dict(re.findall(r"^\\newcommand{\\(\w+)}{(.*?)}$", latex, re.MULTILINE | re.DOTALL))
+
+
+def test_every_number_that_the_report_and_the_lectures_use_is_defined_and_every_one_defined_is_used(macros, latex):
     bodies = "".join(path.read_text(encoding="utf-8").partition(r"\begin{document}")[2] for path in prose.LATEX)
-    used = set(re.findall(r"\\([a-z]+[A-Z]\w*|window|multiplier)", bodies)) - {"lVert", "rVert"}
+    used = set(re.findall(r"\\([a-z]+[A-Z]\w*|window)", bodies)) - {"lVert", "rVert"}
     assert used == macros.keys()
+    given = set(re.findall(r"\\given{([^}]*)}", bodies))
+    assert given >= {"headline.first", "settings.episodes"}
+    assert [name for name in given if rf"\csname given:{name}\endcsname{{" not in latex] == []  # or nothing is printed
 
 
 def test_every_question_claim_and_erratum_has_a_row_of_the_report_and_a_line_in_the_terminal(macros):

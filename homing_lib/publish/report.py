@@ -3,6 +3,7 @@
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from homing_lib.features import bins_per_channel
 from homing_lib.publish import prose, where
@@ -69,8 +70,10 @@ def latex() -> str:
         "tableOne": table_one(),
         "tableFigures": [_figure(name, one) for name, one in figures.items()],
     }
-    macros = numbers(headline.stored()) | {name: "\n".join(rows) for name, rows in tables.items()}
+    h = headline.stored()
+    macros = numbers(h.settings) | {name: "\n".join(rows) for name, rows in tables.items()}
     named = {f"num:{name}": text for name, text in prose.macros().items()}
+    named |= {f"given:{name}": tex(text) for name, text in given(h).items()}
     named |= {f"found:{one.name}": tex(one.verdict) for one in stored}
     named |= {f"made:{name}": _made(one) for name, one in figures.items()}
     named |= {f"alt:{name}": _as_pdf_text(where.in_words(one.function)) for name, one in figures.items()}
@@ -85,8 +88,7 @@ def latex() -> str:
 def _decides(found: findings.Finding) -> str:
     """The comparisons of a finding that are judged, with their words."""
     judged = {name.replace(".", ", "): one for name, one in found.comparisons.items() if one.judged}
-    each = {name: format(one, ".0f" if abs(one.value) >= 10 else ".2f") for name, one in judged.items()}
-    return "; ".join(f"{name} {text} {judged[name].verdict}".strip() for name, text in each.items())
+    return "; ".join(f"{name} {_rounded(one)} {one.verdict}".strip() for name, one in judged.items())
 
 
 def _erratum(one: errata.Erratum) -> str:
@@ -129,45 +131,25 @@ def linked() -> list[str]:
     return sorted({path for text in sources for path in re.findall(r"\\file{([^}#]*)}", text)})
 
 
-def numbers(h: Headline) -> dict[str, str]:
-    """The macros by name, without the backslash."""
-    s = h.settings
-    psi = stopping_thresholds(s.multiplier)
-    rates = s.step_size_rates
-    texts = {
-        "numberOfRuns": f"{h.runs}",
-        "numberOfEpisodes": f"{s.episodes}",
+def numbers(s: Settings) -> dict[str, str]:
+    """The macros by name, without the backslash: what follows from settings."""
+    psi, rates = stopping_thresholds(s.multiplier), s.step_size_rates
+    return {
         "window": f"{WINDOW}",
-        "firstSteps": f"{h.first:.0f}",
-        "lastSteps": f"{h.last:.0f}",
-        "randomSteps": f"{h.random:.0f}",
-        "homeReached": f"{h.reached}",
-        "homeTotal": f"{h.total}",
-        "randomReached": f"{h.random_reached}",
-        "randomTotal": f"{h.random_total}",
-        "changeFall": f"{h.change_fall:.2f}",
-        "rateFall": f"{h.rate_fall:.2f}",
         "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
         "rateLast": f"{rates[-1]:.3f}",
         "psiUpper": f"{psi.upper:.4f}",
         "psiLower": f"{psi.lower:.4f}",
-        "multiplier": f"{s.multiplier:g}",
         "nFeatures": f"{s.n_features}",
         "nBins": f"{bins_per_channel(s.bin_size)}",
-        "imageSize": f"{s.image_size}",
         "channelPixels": f"{s.image_size**2}",
-        "fieldOfView": f"{s.field_of_view_deg:g}",
-        "surveySteps": f"{s.survey_steps}",
-        "wallPenalty": _shown(s.wall_penalty),
-        "sigmaUsed": {"pooled": "one for all bins", "per-bin": "one per bin"}[s.variance]
-        + {"mean": ", about the mean", "zero": ", about zero"}[s.centre],
-        "mixtureUsed": {
-            "normalised": "both distributions with equal weight",
-            "literal": "as printed",
-            "epsilon-greedy": "plain epsilon-greedy",
-        }[s.mixture],
     }
-    return {name: tex(text) for name, text in texts.items()}
+
+
+def given(h: Headline) -> dict[str, str]:
+    """Numbers of the headline, and settings of its runs, by their names, as plain text."""
+    found = {f"headline.{name}": _rounded(value) for name, value in vars(h).items() if name != "settings"}
+    return found | {f"settings.{name}": _shown(value) for name, value in h.settings}
 
 
 def table_one() -> list[str]:
@@ -188,6 +170,13 @@ def table_one() -> list[str]:
             text = "multipliers and stopping thresholds (eq. 19)"
             rows.append(row(tex("psi_upper, psi_lower"), printed, ours[name], text))
     return rows
+
+
+def _rounded(value: Any) -> str:
+    """A whole number, a share, or an estimate with its interval: what is small has two decimals."""
+    if isinstance(value, int):
+        return str(value)
+    return format(value, ".0f" if abs(getattr(value, "value", value)) >= 10 else ".2f")
 
 
 def _shown(value: object) -> str:
