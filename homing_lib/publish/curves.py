@@ -12,30 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from homing_lib.features import Array
-from homing_lib.publish.parts import (
-    beside,
-    curve,
-    handle,
-    key,
-    label_ends,
-    level,
-    log_axis,
-    note,
-    panels,
-)
-from homing_lib.publish.style import (
-    BLUE,
-    COLOURS,
-    DASHED,
-    GREY,
-    INK,
-    LINES,
-    ORANGE,
-    SKY,
-    TEXT_WIDTH,
-    Look,
-    styled,
-)
+from homing_lib.publish.parts import beside, curve, handle, key, label_ends, level, log_axis, note, panels
+from homing_lib.publish.style import BLUE, COLOURS, DASHED, GREY, INK, LINES, ORANGE, SKY, TEXT_WIDTH, Look, styled
 from homing_lib.study.bootstrap import Interval, band
 from homing_lib.study.findings import Comparison, Finding
 from homing_lib.study.headline import Headline

@@ -102,7 +102,8 @@ def _of_text(where: str, text: str) -> Iterator[Paragraph]:
 
 def broken() -> list[str]:
     """Paragraphs that rest on what was not found, or quote a comparison that has a word without a pin: a line each."""
-    words, lines = findings.verdicts(), []
+    words = findings.verdicts()
+    lines = []
     for one in paragraphs():
         fallen = [(key, word, words.get(key, "no such verdict")) for key, word in one.pins.items()]
         what = [f"rests on {key} = {word!r}, found {found!r}" for key, word, found in fallen if word != found]

@@ -136,7 +136,7 @@ def numbers(s: Settings) -> dict[str, str]:
     psi, rates = stopping_thresholds(s.multiplier), s.step_size_rates
     return {
         "window": f"{WINDOW}",
-        "rateMiddle": f"{rates[min(8, len(rates) - 1)]:.3f}",
+        "rateMiddle": f"{rates[8]:.3f}",
         "rateLast": f"{rates[-1]:.3f}",
         "psiUpper": f"{psi.upper:.4f}",
         "psiLower": f"{psi.lower:.4f}",
