@@ -163,6 +163,7 @@ WRONG = [
     *[(exercises.slowest, robots, LATE) for robots in (0, 2, 4)],
     (exercises.beyond_chance, lambda shares: left(shares, chance=False)),
     (exercises.beyond_chance, lambda shares: left(shares)[::-1]),
+    (exercises.beyond_chance, lambda shares: (np.nan, np.nan)),
 ]
 """A check, and answers that are wrong."""
 

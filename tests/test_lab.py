@@ -129,6 +129,7 @@ MISTAKES = {
     "form-1.feature-for-trace": [form_1(of="phi_prev")],
     "form-1.delta-twice": [form_1(along="g")],
     "form-1.otherwise": [form_1(along="phi_prev")],
+    "form-1.otherwise, no number": [lambda **_: np.nan],
     "first-reset.no-step": ["step 6", 28],
     "first-reset.first-step": [1, 28],
     "first-reset.one-early": [5, 28],

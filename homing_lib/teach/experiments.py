@@ -20,7 +20,7 @@ from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives
 from homing_lib.study.runs import episode_matrix
 from homing_lib.td import LinearTD
-from homing_lib.teach.checks import SEED, Wrong, alike
+from homing_lib.teach.checks import SEED, Wrong, alike, must
 
 STEPS, GAMMA = 12, 0.9  # of task 3
 GUARDS = (0, 0.8, 1)  # of task 4
@@ -30,9 +30,9 @@ RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
 HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
 
 
-def hint(task: str, mistake: str, **values: Any) -> Wrong:
-    """What to raise at a mistake. values: what fills the braces of its hint."""
-    return Wrong(HINTS[task][mistake].format(**values))
+def hint(task: str, mistake: str, **values: Any) -> str:
+    """What to say of a mistake. values: what fills the braces of its hint."""
+    return HINTS[task][mistake].format(**values)
 
 
 @styled
@@ -108,7 +108,7 @@ def known_by(rule: Any) -> tuple[Any, ...]:
     try:
         lambdas.checked(rule)
     except TypeError:
-        raise hint("rule", "no-keywords") from None
+        raise Wrong(hint("rule", "no-keywords")) from None
     rng = np.random.default_rng(SEED)
     for trial in range(300):
         delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
@@ -119,23 +119,16 @@ def known_by(rule: Any) -> tuple[Any, ...]:
             with np.errstate(all="ignore"):
                 value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
         except ArithmeticError:
-            raise hint("rule", "divides" if delta_prev else "divides-by-before", case=case) from None
+            raise Wrong(hint("rule", "divides" if delta_prev else "divides-by-before", case=case)) from None
         for name, array in before.items():
-            if not alike(arrays[name], array):
-                raise hint("rule", "changes", name=name)
-        if np.ndim(value):
-            raise hint("rule", "array")
-        if np.asarray(value).dtype.kind not in "biuf":
-            raise hint("rule", "no-number", kind=type(value).__name__)
-        if not np.isfinite(value):
-            raise hint("rule", "not-finite", value=value, case=case)
-        if not 0 <= value <= 1:
-            raise hint("rule", "below-0" if value < 0 else "above-1", value=value, case=case)
-        if again != value:
-            raise hint("rule", "by-chance", value=value, again=again)
+            must(alike(arrays[name], array), hint("rule", "changes", name=name))
+        must(np.ndim(value) == 0, hint("rule", "array"))
+        must(np.asarray(value).dtype.kind in "biuf", hint("rule", "no-number", kind=type(value).__name__))
+        must(np.isfinite(value), hint("rule", "not-finite", value=value, case=case))
+        must(0 <= value <= 1, hint("rule", "below-0" if value < 0 else "above-1", value=float(value), case=case))
+        must(again == value, hint("rule", "by-chance", value=float(value), again=float(again)))
         given.append(float(value))
-    if len({*given}) == 1:
-        raise hint("rule", "constant", value=given[0])
+    must(len({*given}) > 1, hint("rule", "constant", value=given[0]))
     return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
 
 
