@@ -1,7 +1,7 @@
 """What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task; and its hints."""
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from math import ceil, log, nan
 from pathlib import Path
@@ -37,33 +37,19 @@ def hint(task: str, mistake: str, **values: Any) -> str:
 
 @styled
 def two_ways_down() -> Figure:
-    """Steepest descent and conjugate gradient from above, in a long valley, each step to the lowest point ahead."""
+    """Steepest descent and conjugate gradient from above, down x² + 4y², each step to the lowest point ahead."""
     figure, (axes,) = panels(2.1, share=0.8)
     across, along = np.meshgrid(np.linspace(-1, 4.6, 90), np.linspace(-1.2, 1.5, 60))
     axes.contour(across, along, across**2 + 4 * along**2, levels=[0.3, 1, 3, 8, 20], colors="0.7", linewidths=0.8)
-    for name, beta, steps, look, at in (
-        ("steepest descent", lambda *_: 0.0, 7, (ORANGE, (0, (4, 1.5))), (1.2, 0.55)),
-        ("conjugate gradient", theorem.beta, 2, (BLUE, "-"), (0.2, -0.75)),
+    step = np.arange(8)
+    for name, x, y, color, line, at in (
+        ("steepest descent", 4 * 0.6**step, (-0.6) ** step, ORANGE, (0, (4, 1.5)), (1.2, 0.55)),
+        ("conjugate gradient", [4, 2.4, 0], [1, -0.6, 0], BLUE, "-", (0.2, -0.75)),
     ):
-        way = downhill(beta, steps)
-        axes.plot(*way.T, color=look[0], linestyle=look[1], marker="o", markersize=3)
-        beside(axes, name, at, (0, 0), color=look[0])
+        axes.plot(x, y, color=color, linestyle=line, marker="o", markersize=3)
+        beside(axes, name, at, (0, 0), color=color)
     axes.set(aspect="equal", xticks=[], yticks=[])
     return figure
-
-
-def downhill(beta: Callable[..., float], steps: int) -> Array:
-    """From (4, 1), the places on the way down x² + 4y², shape (steps + 1, 2). beta: as `theorem.beta`, of the share of
-    the last direction that is kept.
-    """
-    curvature, x = np.diag([1.0, 4.0]), np.array([4.0, 1.0])
-    way, before, p = [x], np.zeros(2), np.zeros(2)
-    for _ in range(steps):
-        g = -curvature @ x
-        p = g + beta("fletcher-reeves", g, before, p) * p if before.any() else g
-        x, before = x + (g @ p) / (p @ curvature @ p) * p, g
-        way.append(x)
-    return np.array(way)
 
 
 def on_a_quadratic(form_1: lambdas.LambdaRule) -> Array:
