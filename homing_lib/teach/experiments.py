@@ -121,7 +121,7 @@ def known_by(rule: Any) -> tuple[Any, ...]:
 @cache
 def rivals(seeds: range) -> Mapping[str, Array]:
     """The steps of those that the student's rule is held against, the same for every rule."""
-    learnt = rules.compare({label: lambdas.lambda_spec(rule).rule for label, rule in RIVALS.items()}, seeds)
+    learnt = rules.compare(RIVALS, seeds)
     climb = Settings(images="compact", controller="climb")
     climbed = engine.side_by_side(lambda seed: episode_matrix([engine.run(climb, seed)])[0], seeds, [])
     return {**learnt.steps, "the climb": np.array(climbed)}
