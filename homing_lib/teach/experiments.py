@@ -1,10 +1,8 @@
-"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task; and its hints."""
+"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from math import ceil, log, nan
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,19 +18,13 @@ from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives
 from homing_lib.study.runs import episode_matrix
 from homing_lib.td import LinearTD
-from homing_lib.teach.checks import SEED, Wrong, alike, must
+from homing_lib.teach.checks import SEED
 
 STEPS, GAMMA = 12, 0.9  # of task 3
 GUARDS = (0, 0.8, 1)  # of task 4
 FEW = 10  # robots, of which task 6 asks what they would say alone
 HELD_OUT = range(1000, 1020)  # the walks of the race in task 5
 RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
-HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
-
-
-def hint(task: str, mistake: str, **values: Any) -> str:
-    """What to say of a mistake. values: what fills the braces of its hint."""
-    return HINTS[task][mistake].format(**values)
 
 
 @styled
@@ -86,36 +78,6 @@ def lambdas_given(rule: Any, seeds: Sequence[int], step_size: float) -> tuple[fl
         walk.learning(noting, seed, step_size)
     has = np.clip(given, 0, 1)[~np.isnan(given)]
     return 1 - len(has) / len(given), float(has.mean()) if len(has) else 0.0
-
-
-def known_by(rule: Any) -> tuple[Any, ...]:
-    """What tells a rule from others: its code, and what it gives at 300 random steps. Raises Wrong for what is none."""
-    given = []
-    try:
-        lambdas.checked(rule)
-    except TypeError:
-        raise Wrong(hint("rule", "no-keywords")) from None
-    rng = np.random.default_rng(SEED)
-    for trial in range(300):
-        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
-        arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
-        before = {name: array.copy() for name, array in arrays.items()}
-        case = f"with δ = {delta:.3g} after {delta_prev:.3g}"
-        try:
-            with np.errstate(all="ignore"):
-                value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
-        except ArithmeticError:
-            raise Wrong(hint("rule", "divides" if delta_prev else "divides-by-before", case=case)) from None
-        for name, array in before.items():
-            must(alike(arrays[name], array), hint("rule", "changes", name=name))
-        must(np.ndim(value) == 0, hint("rule", "array"))
-        must(np.asarray(value).dtype.kind in "biuf", hint("rule", "no-number", kind=type(value).__name__))
-        must(np.isfinite(value), hint("rule", "not-finite", value=value, case=case))
-        must(0 <= value <= 1, hint("rule", "below-0" if value < 0 else "above-1", value=float(value), case=case))
-        must(again == value, hint("rule", "by-chance", value=float(value), again=float(again)))
-        given.append(float(value))
-    must(len({*given}) > 1, hint("rule", "constant", value=given[0]))
-    return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
 
 
 @cache

@@ -4,10 +4,12 @@ What a check is and says: `checks`. Here stand the usual mistakes, in lab.toml t
 Trials are random, from a generator of a given seed.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import count
 from math import nan
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,14 @@ from homing_lib.study import engine, findings, rules, walk
 from homing_lib.study.compiling import load
 from homing_lib.teach import checks, experiments
 from homing_lib.teach.checks import SEED, Behind, Outcome, Wrong, alike, check, complete, first_of, mistake_in, must
-from homing_lib.teach.experiments import FEW, GAMMA, GUARDS, HINTS, STEPS, first_episode, hint, known_by, mine_against
+from homing_lib.teach.experiments import FEW, GAMMA, GUARDS, STEPS, first_episode, mine_against
+
+HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
+
+
+def hint(task: str, mistake: str, **values: Any) -> str:
+    """What to say of a mistake. values: what fills the braces of its hint."""
+    return HINTS[task][mistake].format(**values)
 
 
 @check("1a · the trace")
@@ -196,6 +205,36 @@ def reach(changed: Any, states: Sequence[int]) -> None:
         }
         right = np.count_nonzero(first_episode(lambdas.fletcher_reeves, states, guard))
         must(answer == right, hint("reach", first_of(mistakes), guard=guard, end=states[-1]))
+
+
+def known_by(rule: Any) -> tuple[Any, ...]:
+    """What tells a rule from others: its code, and what it gives at 300 random steps. Raises Wrong for what is none."""
+    given = []
+    try:
+        lambdas.checked(rule)
+    except TypeError:
+        raise Wrong(hint("rule", "no-keywords")) from None
+    rng = np.random.default_rng(SEED)
+    for trial in range(300):
+        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
+        arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
+        before = {name: array.copy() for name, array in arrays.items()}
+        case = f"with δ = {delta:.3g} after {delta_prev:.3g}"
+        try:
+            with np.errstate(all="ignore"):
+                value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
+        except ArithmeticError:
+            raise Wrong(hint("rule", "divides" if delta_prev else "divides-by-before", case=case)) from None
+        for name, array in before.items():
+            must(alike(arrays[name], array), hint("rule", "changes", name=name))
+        must(np.ndim(value) == 0, hint("rule", "array"))
+        must(np.asarray(value).dtype.kind in "biuf", hint("rule", "no-number", kind=type(value).__name__))
+        must(np.isfinite(value), hint("rule", "not-finite", value=value, case=case))
+        must(0 <= value <= 1, hint("rule", "below-0" if value < 0 else "above-1", value=float(value), case=case))
+        must(again == value, hint("rule", "by-chance", value=float(value), again=float(again)))
+        given.append(float(value))
+    must(len({*given}) > 1, hint("rule", "constant", value=given[0]))
+    return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
 
 
 @check("5a · a rule", about=known_by)
