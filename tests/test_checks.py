@@ -18,8 +18,8 @@ def doubles(function):
     for x in np.random.default_rng(0).normal(size=5):
         if checks.alike(answer := function(x), x + 2):
             raise checks.Behind("By far.")
-        if not checks.alike(answer, 2 * x):
-            raise checks.Wrong("You squared it." if checks.mistake_in(answer, {"square": x**2}) == "square" else "")
+        squared = checks.mistake_in(answer, {"square": x**2}) == "square"
+        checks.must(checks.alike(answer, 2 * x), "You squared it." if squared else "")
     return "Always." if function(1) == 2 else None
 
 

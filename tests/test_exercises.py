@@ -154,7 +154,7 @@ WRONG = [
     (exercises.share_in_band, lambda nrb, psi: np.mean((psi.lower < nrb) & (nrb < psi.upper))),
     (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: delta / delta_prev),
     (exercises.on_orthogonal_features, lambda delta, delta_prev, discount: -delta / delta_prev / discount),
-    *[(exercises.widest_spacing, lambda step, share=share: share * step) for share in (1, 0.5, 0)],
+    *[(exercises.widest_spacing, lambda step, share=share: share * step) for share in (1, 0.71, 0.7, 0, -0.7071)],
     *[(exercises.flattery, share) for share in (0.9, 35.9)],
     (exercises.cost, lambda steps: 1 / steps),
     (exercises.cost, lambda steps: 1 + sum(1 / t for t in range(1, steps + 1))),
@@ -163,6 +163,7 @@ WRONG = [
     *[(exercises.slowest, robots, LATE) for robots in (0, 2, 4)],
     (exercises.beyond_chance, lambda shares: left(shares, chance=False)),
     (exercises.beyond_chance, lambda shares: left(shares)[::-1]),
+    (exercises.beyond_chance, lambda shares: (np.nan, np.nan)),
 ]
 """A check, and answers that are wrong."""
 

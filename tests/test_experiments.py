@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from homing_lib.study import theorem, walk
+from homing_lib.study import walk
 from homing_lib.study.questions import drives
 from homing_lib.study.rules import Rules
 from homing_lib.teach import experiments
@@ -25,10 +25,17 @@ def test_how_often_a_rule_has_no_lambda_is_counted_over_the_steps_of_all_walks(m
     assert experiments.lambdas_given(lambda *, x: 1 / x, walks[:1], 0.1) == (1.0, 0.0)
 
 
-def test_conjugate_gradient_is_at_the_bottom_after_two_steps_and_steepest_descent_zigzags():
-    assert np.abs(experiments.downhill(theorem.beta, 2)[-1]).max() < 1e-12
-    across = experiments.downhill(lambda *_: 0.0, 6)[:, 1]
-    assert (across[1:] * across[:-1] < 0).all()
+def test_both_ways_down_step_to_the_lowest_point_ahead_and_conjugate_gradient_is_at_the_bottom_after_two():
+    steepest, conjugate = (line.get_xydata() for line in experiments.two_ways_down().axes[0].lines)
+    curvature = np.diag([1, 4])
+    for way, straight in ((steepest, 7), (conjugate, 1)):  # so many steps go straight downhill
+        steps, downhill = np.diff(way, axis=0), -way @ curvature
+        assert np.sum(steps * downhill[1:], axis=1) == pytest.approx(0, abs=1e-12)
+        lengths = steps[:straight] / downhill[:straight]
+        assert lengths[:, 0] == pytest.approx(lengths[:, 1])
+    first, second = np.diff(conjugate, axis=0)
+    assert first @ curvature @ second == pytest.approx(0, abs=1e-12)
+    assert not conjugate[2].any()
 
 
 def test_robots_are_tried_as_the_study_tries_them_and_the_table_has_their_means(monkeypatch):

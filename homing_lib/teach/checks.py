@@ -2,7 +2,7 @@
 
 A check is a function under `@check("its title")`. The first paragraph of its docstring is the property that it proves;
 it takes the student's answers (numbers, arrays, functions), returns nothing, or a remark, if the property holds, and
-else raises `Wrong`. Called in a notebook, it shows one paragraph:
+else raises `Wrong`, by `must`. Called in a notebook, it shows one paragraph:
 
     proven    the property holds
     blank     an answer, or a part of it, is still None or ...
@@ -101,6 +101,12 @@ def check(title: str, about: Callable[..., Any] = lambda *_: None) -> Callable[[
     return lambda function: Check(title, function, about)
 
 
+def must(holds: Any, hint: str = "") -> None:
+    """Raises Wrong, with this hint, unless it holds."""
+    if not holds:
+        raise Wrong(hint)
+
+
 def alike(answer: ArrayLike, right: ArrayLike, tolerance: float = 1e-9) -> bool:
     """Whether both have the same shape and agree to rounding. Raises TypeError or ValueError for what is no number."""
     answer, right = np.asarray(answer, dtype=float), np.asarray(right, dtype=float)
@@ -119,11 +125,9 @@ def mistake_in(answer: ArrayLike, gives: Mapping[str, ArrayLike]) -> str:
 
 def complete(answers: Any, keys: Sequence[Any]) -> None:
     """Raises Wrong for what is no dictionary with these keys."""
-    if not isinstance(answers, Mapping):
-        raise Wrong(f"Write a dictionary: `{{{', '.join(f'{key!r}: ...' for key in keys)}}}`.")
+    must(isinstance(answers, Mapping), f"Write a dictionary: `{{{', '.join(f'{key!r}: ...' for key in keys)}}}`.")
     for key in keys:
-        if key not in answers:
-            raise Wrong(f"{key} is missing.")
+        must(key in answers, f"{key} is missing.")
 
 
 def _guarded(answer: Any) -> Any:

@@ -1,10 +1,8 @@
-"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task; and its hints."""
+"""What the lab, notebooks/lab.ipynb, runs and shows beside its checks, task by task."""
 
-import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from math import ceil, log, nan
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,50 +18,30 @@ from homing_lib.study import engine, findings, rules, theorem, walk
 from homing_lib.study.questions import drives
 from homing_lib.study.runs import episode_matrix
 from homing_lib.td import LinearTD
-from homing_lib.teach.checks import SEED, Wrong, alike
+from homing_lib.teach.checks import SEED
 
 STEPS, GAMMA = 12, 0.9  # of task 3
 GUARDS = (0, 0.8, 1)  # of task 4
 FEW = 10  # robots, of which task 6 asks what they would say alone
 HELD_OUT = range(1000, 1020)  # the walks of the race in task 5
 RIVALS = {"fixed 0": "fixed:0", "form 2": "fletcher-reeves", "gate": "gate"}
-HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
-
-
-def hint(task: str, mistake: str, **values: Any) -> Wrong:
-    """What to raise at a mistake. values: what fills the braces of its hint."""
-    return Wrong(HINTS[task][mistake].format(**values))
 
 
 @styled
 def two_ways_down() -> Figure:
-    """Steepest descent and conjugate gradient from above, in a long valley, each step to the lowest point ahead."""
+    """Steepest descent and conjugate gradient from above, down x² + 4y², each step to the lowest point ahead."""
     figure, (axes,) = panels(2.1, share=0.8)
     across, along = np.meshgrid(np.linspace(-1, 4.6, 90), np.linspace(-1.2, 1.5, 60))
     axes.contour(across, along, across**2 + 4 * along**2, levels=[0.3, 1, 3, 8, 20], colors="0.7", linewidths=0.8)
-    for name, beta, steps, look, at in (
-        ("steepest descent", lambda *_: 0.0, 7, (ORANGE, (0, (4, 1.5))), (1.2, 0.55)),
-        ("conjugate gradient", theorem.beta, 2, (BLUE, "-"), (0.2, -0.75)),
+    step = np.arange(8)
+    for name, x, y, color, line, at in (
+        ("steepest descent", 4 * 0.6**step, (-0.6) ** step, ORANGE, (0, (4, 1.5)), (1.2, 0.55)),
+        ("conjugate gradient", [4, 2.4, 0], [1, -0.6, 0], BLUE, "-", (0.2, -0.75)),
     ):
-        way = downhill(beta, steps)
-        axes.plot(*way.T, color=look[0], linestyle=look[1], marker="o", markersize=3)
-        beside(axes, name, at, (0, 0), color=look[0])
+        axes.plot(x, y, color=color, linestyle=line, marker="o", markersize=3)
+        beside(axes, name, at, (0, 0), color=color)
     axes.set(aspect="equal", xticks=[], yticks=[])
     return figure
-
-
-def downhill(beta: Callable[..., float], steps: int) -> Array:
-    """From (4, 1), the places on the way down x² + 4y², shape (steps + 1, 2). beta: as `theorem.beta`, of the share of
-    the last direction that is kept.
-    """
-    curvature, x = np.diag([1.0, 4.0]), np.array([4.0, 1.0])
-    way, before, p = [x], np.zeros(2), np.zeros(2)
-    for _ in range(steps):
-        g = -curvature @ x
-        p = g + beta("fletcher-reeves", g, before, p) * p if before.any() else g
-        x, before = x + (g @ p) / (p @ curvature @ p) * p, g
-        way.append(x)
-    return np.array(way)
 
 
 def on_a_quadratic(form_1: lambdas.LambdaRule) -> Array:
@@ -102,47 +80,10 @@ def lambdas_given(rule: Any, seeds: Sequence[int], step_size: float) -> tuple[fl
     return 1 - len(has) / len(given), float(has.mean()) if len(has) else 0.0
 
 
-def known_by(rule: Any) -> tuple[Any, ...]:
-    """What tells a rule from others: its code, and what it gives at 300 random steps. Raises Wrong for what is none."""
-    given = []
-    try:
-        lambdas.checked(rule)
-    except TypeError:
-        raise hint("rule", "no-keywords") from None
-    rng = np.random.default_rng(SEED)
-    for trial in range(300):
-        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
-        arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
-        before = {name: array.copy() for name, array in arrays.items()}
-        case = f"with δ = {delta:.3g} after {delta_prev:.3g}"
-        try:
-            with np.errstate(all="ignore"):
-                value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
-        except ArithmeticError:
-            raise hint("rule", "divides" if delta_prev else "divides-by-before", case=case) from None
-        for name, array in before.items():
-            if not alike(arrays[name], array):
-                raise hint("rule", "changes", name=name)
-        if np.ndim(value):
-            raise hint("rule", "array")
-        if np.asarray(value).dtype.kind not in "biuf":
-            raise hint("rule", "no-number", kind=type(value).__name__)
-        if not np.isfinite(value):
-            raise hint("rule", "not-finite", value=value, case=case)
-        if not 0 <= value <= 1:
-            raise hint("rule", "below-0" if value < 0 else "above-1", value=value, case=case)
-        if again != value:
-            raise hint("rule", "by-chance", value=value, again=again)
-        given.append(float(value))
-    if len({*given}) == 1:
-        raise hint("rule", "constant", value=given[0])
-    return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
-
-
 @cache
 def rivals(seeds: range) -> Mapping[str, Array]:
     """The steps of those that the student's rule is held against, the same for every rule."""
-    learnt = rules.compare({label: lambdas.lambda_spec(rule).rule for label, rule in RIVALS.items()}, seeds)
+    learnt = rules.compare(RIVALS, seeds)
     climb = Settings(images="compact", controller="climb")
     climbed = engine.side_by_side(lambda seed: episode_matrix([engine.run(climb, seed)])[0], seeds, [])
     return {**learnt.steps, "the climb": np.array(climbed)}

@@ -24,7 +24,7 @@ FOLDER = ROOT / ".build" / "lab"
 
 
 def write(folder: Path = FOLDER) -> list[Path]:
-    """Write both archives; return their paths. Raises UserError for what is missing, filled in or unsolved."""
+    """Write both archives; return their paths. Raises UserError for what is missing or filled in."""
     archives = {"lab": students(), "lab-teacher": teacher()}
     for name, files in archives.items():
         write_bytes(folder / f"{name}.zip", archive(name, files))
@@ -45,13 +45,7 @@ def students() -> dict[str, bytes]:
 
 def teacher() -> dict[str, bytes]:
     """What is in the teacher's archive, by name: the guide, and the solved lab."""
-    answers, cells = solutions(), {cell.id for cell in to_fill(filled({}))}
-    if odd := sorted(cells ^ set(answers)):
-        raise UserError(
-            f"{GUIDE}: {len(answers)} solutions for {len(cells)} cells to fill in {LAB.name}; "
-            f"mend {', '.join(odd)}, or the cell's tag `answer`"
-        )
-    return {"README.md": GUIDE.read_bytes(), "lab-solved.ipynb": executed(answers)}
+    return {"README.md": present(GUIDE).read_bytes(), "lab-solved.ipynb": executed(solutions())}
 
 
 def solutions() -> dict[str, str]:
@@ -60,8 +54,9 @@ def solutions() -> dict[str, str]:
 
 
 def to_fill(notebook: Notebook) -> list[Notebook]:
-    """The cells that students fill in."""
-    return [cell for cell in notebook.cells if "answer" in cell.metadata.get("tags", [])]
+    """The cells that students fill in: those with a solution."""
+    solved = solutions()
+    return [cell for cell in notebook.cells if cell.id in solved]
 
 
 def filled(answers: Mapping[str, str]) -> Notebook:

@@ -4,10 +4,12 @@ What a check is and says: `checks`. Here stand the usual mistakes, in lab.toml t
 Trials are random, from a generator of a given seed.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import count
 from math import nan
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +21,15 @@ from homing_lib.features import Array
 from homing_lib.study import engine, findings, rules, walk
 from homing_lib.study.compiling import load
 from homing_lib.teach import checks, experiments
-from homing_lib.teach.checks import SEED, Behind, Outcome, alike, check, complete, first_of, mistake_in
-from homing_lib.teach.experiments import FEW, GAMMA, GUARDS, HINTS, STEPS, first_episode, hint, known_by, mine_against
+from homing_lib.teach.checks import SEED, Behind, Outcome, Wrong, alike, check, complete, first_of, mistake_in, must
+from homing_lib.teach.experiments import FEW, GAMMA, GUARDS, STEPS, first_episode, mine_against
+
+HINTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("lab.toml").read_text(encoding="utf-8"))
+
+
+def hint(task: str, mistake: str, **values: Any) -> str:
+    """What to say of a mistake. values: what fills the braces of its hint."""
+    return HINTS[task][mistake].format(**values)
 
 
 @check("1a · the trace")
@@ -36,21 +45,18 @@ def trace(update: Any) -> None:
         for t in range(6):
             before, fade = e.copy(), gamma * lambdas_[t]
             after = np.array(update(e, phi[t].copy(), lambdas_[t], gamma), dtype=float)
-            if not alike(e, before):
-                raise hint("trace", "in-place")
-            if after.shape != e.shape:
-                raise hint("trace", "shape", shape=after.shape)
+            must(alike(e, before), hint("trace", "in-place"))
+            must(after.shape == e.shape, hint("trace", "shape", shape=after.shape))
             mistakes = {
                 "no-gamma": lambdas_[t] * e + phi[t],
                 "no-lambda": gamma * e + phi[t],
                 "faded-feature": fade * (e + phi[t]),
                 "scaled-feature": fade * e + lambdas_[t] * phi[t],
                 "minus": fade * e - phi[t],
-                "forgets": phi[t],
                 "average": fade * e + (1 - fade) * phi[t],
             }
-            if not alike(after, sum(np.prod(gamma * lambdas_[k + 1 : t + 1]) * phi[k] for k in range(t + 1))):
-                raise hint("trace", mistake_in(after, mistakes))
+            right = sum(np.prod(gamma * lambdas_[k + 1 : t + 1]) * phi[k] for k in range(t + 1))
+            must(alike(after, right), hint("trace", mistake_in(after, mistakes)))
             e = after
 
 
@@ -71,13 +77,10 @@ def share(left: Any) -> None:
             "no-gamma": np.prod(lambdas_),
             "gamma-once": gamma * np.prod(lambdas_),
             "power-of-last": (gamma * lambdas_[-1]) ** steps,
-            "power-of-mean": (gamma * lambdas_.mean()) ** steps,
             "sum": gamma * lambdas_.sum(),
         }
-        if not alike(answer, e):
-            raise hint("share", mistake_in(answer, mistakes), steps=steps)
-    if not alike(left(np.zeros(0), 0.9), 1.0):
-        raise hint("share", "no-steps")
+        must(alike(answer, e), hint("share", mistake_in(answer, mistakes), steps=steps))
+    must(alike(left(np.zeros(0), 0.9), 1.0), hint("share", "no-steps"))
 
 
 @check("2a · from β to λ")
@@ -98,8 +101,7 @@ def from_beta(lambda_of: Any) -> None:
             "gamma-above": beta * gamma * delta_prev / delta,
             "beta": beta / gamma if alike(lambda_t, beta / gamma) else beta,
         }
-        if not alike(delta * (gamma * lambda_t * e_prev + phi), p):
-            raise hint("from-beta", mistake_in(lambda_t, mistakes))
+        must(alike(delta * (gamma * lambda_t * e_prev + phi), p), hint("from-beta", mistake_in(lambda_t, mistakes)))
 
 
 @check("2b · the lost sign")
@@ -121,20 +123,19 @@ def form_1(rule: Any) -> None:
         except ValueError as error:
             if "matmul" not in str(error):
                 raise
-            raise hint("form-1", "no-features") from None  # of a number and a vector there is no dot product
+            raise Wrong(hint("form-1", "no-features")) from None  # of a number and a vector there is no dot product
         if np.ndim(lambda_t):
             cancelled = alike(np.abs(lambda_t), np.abs(phi / (gamma * e)))
-            raise hint("form-1", "cancels" if cancelled else "array")
+            raise Wrong(hint("form-1", "cancels" if cancelled else "array"))
         mistakes = {
             "no-minus": (change @ phi) / (gamma * change @ e),
             "no-gamma": -(change @ phi) / (change @ e),
             "one-error": -(late @ phi) / (gamma * late @ e),
             "feature-for-trace": -(change @ phi) / (gamma * change @ phi_prev),
-            "delta-twice": -(change @ (delta * phi)) / (gamma * change @ e),
         }
         direction = gamma * float(lambda_t) * e + phi
-        if abs(change @ direction) > 1e-9 * np.linalg.norm(change) * np.linalg.norm(direction):
-            raise hint("form-1", mistake_in(lambda_t, mistakes))
+        right_angle = abs(change @ direction) <= 1e-9 * np.linalg.norm(change) * np.linalg.norm(direction)
+        must(right_angle, hint("form-1", mistake_in(lambda_t, mistakes)))
 
 
 @check("3 · until the first reset")
@@ -143,13 +144,10 @@ def first_reset(predicted: Any, seed: int) -> str:
 
     predicted: a step, 1, 2, ...; seed: of `experiments.twelve_steps`.
     """
-    if not isinstance(predicted, Real) or isinstance(predicted, bool) or predicted not in range(1, STEPS + 1):
-        raise hint("first-reset", "no-step", steps=STEPS)
+    number = isinstance(predicted, Real) and not isinstance(predicted, bool)
+    must(number and predicted in range(1, STEPS + 1), hint("first-reset", "no-step", steps=STEPS))
     step, seen = round(float(predicted)), experiments.twelve_steps(seed)
     ratio = seen.ratio[step - 1]
-    apart = first_step(seen.reset > 1e-6)
-    if step == apart:
-        return f"Here that is step {step}, where form 2 gives λ = {ratio:.2f}."
     mistakes = {
         "first-step": 1,
         "one-early": seen.first - 1,
@@ -159,7 +157,8 @@ def first_reset(predicted: Any, seed: int) -> str:
     }
     if (mistake := mistake_in(step, mistakes)) == "otherwise" and 0 < seen.first < step:
         mistake = "late"
-    raise hint("first-reset", mistake, step=step, ratio=ratio)
+    must(step == first_step(seen.reset > 1e-6), hint("first-reset", mistake, step=step, ratio=ratio))
+    return f"Here that is step {step}, where form 2 gives λ = {ratio:.2f}."
 
 
 def first_step(where: NDArray[np.bool_]) -> float:
@@ -175,17 +174,17 @@ def guards(same_as: Any, states: Sequence[int]) -> None:
     """
     complete(same_as, GUARDS)
     for guard in GUARDS:
-        if not isinstance(same_as[guard], Real) or not 0 <= same_as[guard] <= 1:
-            raise hint("guards", "no-lambda", guard=guard)
+        number = isinstance(same_as[guard], Real)
+        must(number and 0 <= same_as[guard] <= 1, hint("guards", "no-lambda", guard=guard))
     for guard in GUARDS:
         mistakes = {
             "share-lost": all(alike(same_as[each], 1 - each) for each in GUARDS),
             "zero": same_as[guard] == 0,
             "all-alike": len({float(same_as[each]) for each in GUARDS}) == 1,
         }
-        with_guard = first_episode(lambdas.fletcher_reeves, states, guard)
-        if not alike(first_episode(lambdas.Fixed(float(same_as[guard])), states), with_guard):
-            raise hint("guards", first_of(mistakes), guard=guard)
+        fixed = first_episode(lambdas.Fixed(float(same_as[guard])), states)
+        guarded = first_episode(lambdas.fletcher_reeves, states, guard)
+        must(alike(fixed, guarded), hint("guards", first_of(mistakes), guard=guard))
 
 
 @check("4b · how far one reward reaches")
@@ -199,15 +198,43 @@ def reach(changed: Any, states: Sequence[int]) -> None:
     for guard in GUARDS:
         answer = changed[guard]
         mistakes = {
-            "nothing": guard == 0 and answer == 0,
             "last-alone": guard == 0,
             "steps": answer in (len(states) - 1, len(states)),
             "end": answer == visited + 1,
-            "all-states": answer == 19,
             "too-few": answer < visited,
         }
-        if answer != np.count_nonzero(first_episode(lambdas.fletcher_reeves, states, guard)):
-            raise hint("reach", first_of(mistakes), guard=guard, end=states[-1])
+        right = np.count_nonzero(first_episode(lambdas.fletcher_reeves, states, guard))
+        must(answer == right, hint("reach", first_of(mistakes), guard=guard, end=states[-1]))
+
+
+def known_by(rule: Any) -> tuple[Any, ...]:
+    """What tells a rule from others: its code, and what it gives at 300 random steps. Raises Wrong for what is none."""
+    given = []
+    try:
+        lambdas.checked(rule)
+    except TypeError:
+        raise Wrong(hint("rule", "no-keywords")) from None
+    rng = np.random.default_rng(SEED)
+    for trial in range(300):
+        delta, delta_prev = (rng.normal(size=2) * rng.choice((0.0, 1.0, 100.0), 2) + 0.0).tolist()  # -0 is 0
+        arrays = dict(zip(("phi", "phi_prev", "trace_prev"), rng.normal(size=(3, 6)) * (trial % 4 > 0), strict=True))
+        before = {name: array.copy() for name, array in arrays.items()}
+        case = f"with δ = {delta:.3g} after {delta_prev:.3g}"
+        try:
+            with np.errstate(all="ignore"):
+                value, again = (rule(delta=delta, delta_prev=delta_prev, discount=0.9, **arrays) for _ in range(2))
+        except ArithmeticError:
+            raise Wrong(hint("rule", "divides" if delta_prev else "divides-by-before", case=case)) from None
+        for name, array in before.items():
+            must(alike(arrays[name], array), hint("rule", "changes", name=name))
+        must(np.ndim(value) == 0, hint("rule", "array"))
+        must(np.asarray(value).dtype.kind in "biuf", hint("rule", "no-number", kind=type(value).__name__))
+        must(np.isfinite(value), hint("rule", "not-finite", value=value, case=case))
+        must(0 <= value <= 1, hint("rule", "below-0" if value < 0 else "above-1", value=float(value), case=case))
+        must(again == value, hint("rule", "by-chance", value=float(value), again=float(again)))
+        given.append(float(value))
+    must(len({*given}) > 1, hint("rule", "constant", value=given[0]))
+    return getattr(getattr(rule, "__wrapped__", rule), "__code__", None), given
 
 
 @check("5a · a rule", about=known_by)
@@ -284,8 +311,7 @@ def read(few: Any, all_: Any, compared: rules.Rules) -> str:
                 "chance": right == "tie",
                 "one-side": said == "tie",
             }
-            if said != right:
-                raise hint("read", first_of(mistakes), driver=f"{driver}, {robots}", ratio=ratio)
+            must(said == right, hint("read", first_of(mistakes), driver=f"{driver}, {robots}", ratio=ratio))
     return f"After {robots}: {', '.join(f'{WORDS[one.verdict]} against {label}' for label, one in ratios.items())}."
 
 
@@ -302,16 +328,14 @@ def drives(words: Any, steps: Mapping[str, Array]) -> str:
     complete(words, [*ALONE])
     ratios = {part: findings.compare_steps(steps[kind], steps["random"]) for part, kind in ALONE.items()}
     for part, ratio in ratios.items():
-        if not isinstance(words[part], bool | np.bool_):
-            raise hint("drives", "no-truth", part=part)
+        must(isinstance(words[part], bool | np.bool_), hint("drives", "no-truth", part=part))
         mistakes = {
             "together": ratio.high < 1 and part == "both together",
             "fewer": ratio.high < 1,
             "chance": ratio.low <= 1,
             "than-neither": findings.compare_steps(steps[ALONE[part]], steps["untrained"]).high < 1,
         }
-        if words[part] != (ratio.high < 1):
-            raise hint("drives", first_of(mistakes), part=part, ratio=ratio)
+        must(words[part] == (ratio.high < 1), hint("drives", first_of(mistakes), part=part, ratio=ratio))
     return f"As a multiple of random actions: {', '.join(f'{part} {ratio:.2f}' for part, ratio in ratios.items())}."
 
 
