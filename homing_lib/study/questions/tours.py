@@ -37,8 +37,8 @@ from homing_lib.study.questions import varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.questions.home import FAR_M, TURNED_DEG
 from homing_lib.study.robots import driver
-from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, later, rows, study
+from homing_lib.study.runs import Columns
+from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, rows, study
 
 HOMES = {
     "paper": [(0.85, 0.50, 0.0), (0.13, 0.88, radians(130)), (1.03, 0.14, radians(-30))],
@@ -209,23 +209,24 @@ def conditions(room: str) -> dict[str, Settings]:
     }
 
 
-@later(varying.CHOICE.second)
-def in_paper() -> Study:
-    return Study(
-        "tours",
-        "Tours of three homes in the paper's room, by three prioritisations: learning on, frozen, climb and random. By "
-        "the spread on seeds 0 to 11, these robots tell a ratio of 1.12 to the climb's steps (k = 6).",
-        labelled(conditions("paper").values()),
-        ROOM_ROBOTS,
-        toured,
-    )
+IN_PAPER = study(
+    "tours",
+    "Tours of three homes in the paper's room, by three prioritisations: learning on, frozen, climb and random. By "
+    "the spread on seeds 0 to 11, these robots tell a ratio of 1.12 to the climb's steps (k = 6).",
+    lambda: labelled(conditions("paper").values()),
+    ROOM_ROBOTS,
+    toured,
+    needs=[varying.CHOICE.second],
+)
 
-
-@later(varying.CHOICE.second)
-def in_workshop() -> Study:
-    every = labelled(conditions("workshop").values())
-    return Study("tours-workshop", "The same in the workshop.", every, ROOM_ROBOTS[:200], toured)
-
+IN_WORKSHOP = study(
+    "tours-workshop",
+    "The same in the workshop.",
+    lambda: labelled(conditions("workshop").values()),
+    ROOM_ROBOTS[:200],
+    toured,
+    needs=[varying.CHOICE.second],
+)
 
 APART = study(
     "tours-apart",
@@ -287,8 +288,6 @@ def compared(room: str, table: Any, legs: Any) -> dict[str, Comparison]:
             found[f"{key}.right"] = estimate(right[:, -LATE:].mean(axis=1))
             found[f"{key}.backwards"] = estimate(np.isin(goals[:, -LATE:], BACKWARDS).mean(axis=1))
             found[f"{key}.of shortest"] = compare_steps(ours, shortest_tours(goals, legs)[:, -LATE:].mean(axis=1))
-            if who != "random":
-                found[f"{key}.of random"] = compare_steps(ours, steps["random"])
             if who in ("form2", "standard"):
                 total = taken[who][:, : TOURS - LATE].sum(axis=1)
                 found[f"{key}.of climb"] = compare_steps(ours, steps["climb"], comparisons=k)
@@ -296,17 +295,12 @@ def compared(room: str, table: Any, legs: Any) -> dict[str, Comparison]:
                 found[f"{key}.of climb.total"] = compare_steps(total, steps["climb"] * (TOURS - LATE))
                 found[f"{key}.of tours 6 to 10"] = compare_steps(ours, taken[who][:, LATE : 2 * LATE].mean(axis=1))
         found[f"{room}.{name}.standard.of form2"] = compare_steps(steps["standard"], steps["form2"])
-    for who in ("form2", "standard"):
-        on = of_tours(table, every[who], 0)
-        random = of_tours(table, every["random"], 0)[:, -LATE:].mean(axis=1)
-        for number in AFTER:
-            tried = rows(table, every[who], frozen=number).groupby("seed")
-            key = f"{room}.{who}.frozen {number}"
-            found |= {f"{key}.{name}": estimate(tried[name].mean()) for name in ("steps", "finished", "right")}
-            found[f"{key}.of learning on"] = compare_steps(
-                tried.steps.mean(), on[:, number : number + LATE].mean(axis=1)
-            )
-            found[f"{key}.of random"] = compare_steps(tried.steps.mean(), random)
+    on, random = (of_tours(table, every[who], 0) for who in ("form2", "random"))
+    for number in AFTER:
+        tried, key = rows(table, every["form2"], frozen=number).groupby("seed"), f"{room}.form2.frozen {number}"
+        found |= {f"{key}.{name}": estimate(tried[name].mean()) for name in ("steps", "finished", "right")}
+        found[f"{key}.of learning on"] = compare_steps(tried.steps.mean(), on[:, number : number + LATE].mean(axis=1))
+        found[f"{key}.of random"] = compare_steps(tried.steps.mean(), random[:, -LATE:].mean(axis=1))
     return found
 
 
@@ -331,8 +325,8 @@ def verdict_on(found: dict[str, Comparison]) -> str:
     of these with all three; else the verdict counts those with which it is so, or is undecided, if there is
     none. Beside it: standard Sarsa, the workshop, random actions, the shortest tour, frozen networks, all steps
     of the first twenty tours, and surveys of their own.""",
-    in_paper,
-    in_workshop,
+    IN_PAPER,
+    IN_WORKSHOP,
     APART,
     SHORTEST,
     order=10,
