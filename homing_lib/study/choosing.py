@@ -16,14 +16,14 @@ from homing_lib.study.studies import FIRST, THEN, labelled, rows, study
 STEP_SIZES = (1.25e-4, 4e-4, 1.25e-3, 4e-3, 1.25e-2)
 """A factor of about 3 apart. In no room does any rule choose the first or the last."""
 
-
 Candidates = Mapping[Any, Sequence[Settings]]
+"""By the names of groups, of which the candidates of each compete."""
 
 
 class Choice:
     """Candidates in groups; those of a group compete.
 
-    first, second: the two studies, data/<name>.parquet and data/<name>-best.parquet. candidates: by the names of
+    first, second: the two studies, data/<name>.parquet and data/<name>-best.parquet. candidates: by the names of their
     groups, or what returns them once the studies that it `needs` are there. keep: how many of a group come to the
     second study, which takes the seeds `then`.
     """
@@ -43,10 +43,10 @@ class Choice:
         self._groups = cache(candidates if callable(candidates) else lambda: candidates)
 
         def every() -> dict[str, Settings]:
-            return labelled(one for group in self._groups().values() for one in group)
+            return labelled(one for several in self._groups().values() for one in several)
 
         def best() -> dict[str, Settings]:
-            return labelled(one for group in self._ranked(self.first).values() for one, _ in group[:keep])
+            return labelled(one for ranked in self._ranked(self.first).values() for one, _ in ranked[:keep])
 
         best_only = f"{reason} The best {keep} of each in `{name}`, on further seeds."
         self.first = study(name, f"{reason} All candidates.", every, seeds, measure, needs=needs)

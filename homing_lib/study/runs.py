@@ -55,7 +55,7 @@ class Job(NamedTuple):
 class Study:
     """A question put to the robot: some conditions, each run with the same seeds.
 
-    reason: why it is asked; asked: its conditions, settings by their labels, or what returns them once the tables of
+    reason: why it is asked; given: its conditions, settings by their labels, or what returns them once the tables of
     the studies that it `needs` are there. measure: the table of one run; all are stored as one,
     data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: further settings
     whose atlases the measure looks at. deep: its runs need torch and take minutes, so that `make deep` alone computes
@@ -64,7 +64,7 @@ class Study:
 
     name: str
     reason: str
-    asked: Mapping[str, Settings] | Callable[[], Mapping[str, Settings]]
+    given: Mapping[str, Settings] | Callable[[], Mapping[str, Settings]]
     seeds: Sequence[int]
     measure: Measure | None = None
     atlases: Sequence[Settings] = ()
@@ -78,7 +78,7 @@ class Study:
     @cached_property
     def conditions(self) -> Mapping[str, Settings]:
         """Settings by their labels. Raises UserError if a table on which they depend is not there."""
-        return self.asked() if callable(self.asked) else self.asked
+        return self.given() if callable(self.given) else self.given
 
     @property
     def folder(self) -> Path:

@@ -1,6 +1,6 @@
 """The list of studies: which settings, which seeds, and why. `sweep` computes them.
 
-What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `finalists`), and became the defaults
+What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `FINALISTS`), and became the defaults
 of `Settings`. Here stand the headline, those two, the lattices, and who does not learn; all others stand with the
 question that they answer (`questions/`).
 """

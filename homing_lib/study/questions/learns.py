@@ -1,10 +1,13 @@
 """With declared choices, does the robot learn the u-turn?"""
 
+from math import asin, atan2, hypot
 from typing import Any
 
 import numpy as np
 
 from homing_lib.features import Array
+from homing_lib.robot import wrapped
+from homing_lib.rooms import Box, Room, room_named
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import Interval, bootstrap, iqm, mean
 from homing_lib.study.findings import (
@@ -79,6 +82,9 @@ def learns(atlas: Any, camera: Any, unlearnt: Any, shortest: Any) -> Judged:
     words = [one.verdict for one in found.values() if one.judged]
     found["random"], found["climb"] = estimate(random), estimate(climb)
     found |= {f"shortest.{room}": estimate(column(shortest, "steps", room=room)) for room in ROOMS}
+    ours, theirs = (episodes_of(camera, who) for who in ("form 2", "fixed 0"))
+    found["camera.fixed0.total"] = compare_steps(ours.sum(axis=1), theirs.sum(axis=1))
+    found["camera.fixed0.late"] = compare_steps(ours[:, -WINDOW:].mean(axis=1), theirs[:, -WINDOW:].mean(axis=1), iqm)
     on_lattice, by_camera = (first_and_last(table)[1][: len(CAMERA_ROBOTS)] for table in (atlas, camera))
     found["lattice.late"] = compare_steps(on_lattice, by_camera, iqm)
     return verdict_of(words, ["fewer"], ["the same", "more"], OF_A_QUESTION), found
@@ -102,19 +108,34 @@ def converges(atlas: Any) -> Judged:
 @question(
     "C4",
     "A hidden goal: from one snapshot, without landmarks, the robot solves the u-turn.",
-    f"""Learning on. Supported, if of a robot's last five of twenty episodes at least 95 % end at home within
-    {TRIAL_STEPS} steps, with the whole interval; contradicted, if fewer do; else inconclusive. With the camera and on
-    the atlas, the atlas decides. That no home object is in view from the start, tests/test_arena.py proves.""",
+    f"""Learning on. Supported, if from the start no part of a home object is in view, and of a robot's last five of
+    twenty episodes at least 95 % end at home within {TRIAL_STEPS} steps, with the whole interval; contradicted, if an
+    object is in view or fewer do; else inconclusive. With the camera and on the atlas, the atlas decides.""",
     ATLAS,
     CAMERA,
 )
 def hidden_goal(atlas: Any, camera: Any) -> Judged:
+    settings = Settings()
     soon, soon_by_camera = (
         (episodes_of(table, "form 2")[:, EPISODES - WINDOW : EPISODES] <= TRIAL_STEPS).mean(axis=1)
         for table in (atlas, camera)
     )
     found = {"atlas.home": compare_to_limit(soon, 0.95), "camera.home": estimate(soon_by_camera)}
+    if in_view(room_named(settings.room), settings.field_of_view_deg):
+        return "contradicted", found
     return verdict_of([found["atlas.home"].verdict], ["above"], ["below"]), found
+
+
+def in_view(room: Room, field_of_view_deg: float) -> list[str]:
+    """Home objects that stand, at least in part, within the camera's angle at the start; walls hide nothing here."""
+    seen = []
+    for thing in (one for one in room.objects if one.name in room.home_objects):
+        radius = hypot(*thing.size[:2]) / 2 if isinstance(thing, Box) else thing.radius
+        dx, dy = thing.x - room.start.x, thing.y - room.start.y
+        bearing = abs(wrapped(atan2(dy, dx) - room.start.heading))
+        if bearing - asin(min(radius / hypot(dx, dy), 1.0)) < np.radians(field_of_view_deg) / 2:
+            seen.append(thing.name)
+    return seen
 
 
 @question(

@@ -4,7 +4,6 @@ The letter: squares about zero in eq. (9), the mixture of eq. (22) as printed, f
 Table I. Its epsilon_0 of 6 is no probability and is read as .3, here too; the temperature has no value, and is 1.
 """
 
-from itertools import accumulate
 from typing import Any
 
 from homing_lib.settings import Settings
@@ -29,8 +28,17 @@ LETTER = Settings().with_changes(
 
 _ON_ATLAS = LETTER.with_changes(images="atlas")
 
-_READ = accumulate(SUBSTITUTIONS.values(), lambda now, both: now.with_changes(**both[1]), initial=_ON_ATLAS)
-CASCADE = dict(zip(["the letter", *(f"+ {name}" for name in SUBSTITUTIONS)], _READ, strict=True))
+
+def _cascade() -> dict[str, Settings]:
+    now, rows = _ON_ATLAS, {"the letter": _ON_ATLAS}
+    for name, (_, ours) in SUBSTITUTIONS.items():
+        now = now.with_changes(**ours)
+        rows[f"+ {name}"] = now
+    assert now == OURS
+    return rows
+
+
+CASCADE = _cascade()
 ALONE = {f"only {name}": _ON_ATLAS.with_changes(**ours) for name, (_, ours) in SUBSTITUTIONS.items()}
 UNDONE = {f"all but {name}": OURS.with_changes(**printed) for name, (printed, _) in SUBSTITUTIONS.items()}
 

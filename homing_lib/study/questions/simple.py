@@ -11,10 +11,11 @@ again with one part changed, of 40 to 100 robots. Most got near; the simplest of
 """
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from homing_lib.environment import HomingEnv
 from homing_lib.settings import Settings
@@ -48,15 +49,16 @@ def bar(settings: Settings, seed: int) -> Columns:
     """
     frozen: list[tuple[int, bool]] = []
 
-    def goes_on(lengths: list[int], env: HomingEnv, robot: Any) -> bool:
+    def look(lengths: list[int], env: HomingEnv, robot: Any) -> bool:
+        """Try it frozen once it has driven so far. Returns whether it is to drive on."""
         if sum(lengths) >= FROZEN and not frozen:
             with HomingEnv(settings, observation="features", model=env.model) as world:
                 world.reset(seed=seed)
                 path, home = run_episode(world, FrozenAgent(robot, greedy=True))
                 frozen.append((len(path), home))
-        return sum(lengths) < FROZEN or len(next_ten(np.array(lengths))) < NEXT
+        return sum(lengths) < FROZEN or len(next_ten(lengths)) < NEXT
 
-    lengths, diverged = looked_at(settings, seed, goes_on)
+    lengths, diverged = looked_at(settings, seed, look)
     way, home = frozen[0] if frozen else (_CAP, False)
     begun = np.cumsum(lengths) - lengths
     row: dict[str, Any] = reached(lengths) | {"frozen": way, "home": home, "diverged": diverged}
@@ -66,32 +68,45 @@ def bar(settings: Settings, seed: int) -> Columns:
 
 def bar_on(settings: Settings, seed: int) -> Columns:
     """`steps` and `cut` of `bar` alone, in half the time."""
-    row = reached(looked_at(settings, seed, lambda lengths, *_: len(next_ten(np.array(lengths))) < NEXT)[0])
+    lengths, _ = looked_at(settings, seed, lambda lengths, *_: len(next_ten(lengths)) < NEXT)
+    row = reached(lengths)
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
 def looked_at(settings: Settings, seed: int, goes_on: Callable[..., bool]) -> tuple[NDArray[np.int64], bool]:
     """`measures.driven`; of a run that diverged, as many episodes more as are looked at take the step cap."""
     lengths, diverged = driven(settings, seed, goes_on)
-    return np.array(lengths + diverged * (NEXT + FROZEN // _CAP) * [_CAP]), diverged
+    if diverged:
+        lengths += (NEXT + FROZEN // _CAP) * [_CAP]
+    return np.array(lengths), diverged
 
 
-def next_ten(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+def next_ten(lengths: ArrayLike) -> NDArray[np.int64]:
     """Those of the first ten episodes that begin once LEARNT steps have been driven."""
-    return lengths[np.cumsum(lengths) - lengths >= LEARNT][:NEXT]
+    each = np.asarray(lengths)
+    return each[np.cumsum(each) - each >= LEARNT][:NEXT]
 
 
-def reached(lengths: NDArray[np.int64]) -> dict[str, float]:
-    """Of the next ten: mean steps, and each cut at CUT."""
+def reached(lengths: ArrayLike) -> dict[str, float]:
+    """Of the first ten episodes that begin once LEARNT steps have been driven: mean steps, and each cut at CUT."""
     ten = next_ten(lengths)
     return {"steps": float(ten.mean()), "cut": float(np.minimum(ten, CUT).mean())}
 
 
 # --- The choice -------------------------------------------------------------------------------------------------------
 
-_DRAWN = ((0.5, 0.01, 0.0), (0.7, 0.01, 0.3), (0.5, 0.04, 0.1), (0.5, 0.01, 0.1), (0.3, 0.01, 0.1), (0.7, 0.04, 0.3))
+_DRAWN: dict[str, tuple[float, ...]] = {
+    "alpha0": (0.3, 0.5, 0.7, 0.9),
+    "theta0": (0.01, 0.02, 0.04),
+    "epsilon0": (0.0, 0.1, 0.3),
+}
 """Step size; start value (a step costs .05, so that at .02 no similarity would be 90 steps from home); exploration,
-which falls with the number of the episode. Six, drawn from .3, .5, .7, .9; .01, .02, .04; 0, .1, .3."""
+which falls with the number of the episode."""
+
+
+def _candidates(draws: int = 6) -> list[dict[str, Any]]:
+    every = [dict(zip(_DRAWN, values, strict=True)) for values in product(*_DRAWN.values())]
+    return [every[place] for place in np.random.default_rng(0).choice(len(every), draws, replace=False)]
 
 
 def settings(room: str, **changes: Any) -> Settings:
@@ -111,7 +126,7 @@ CHOICE = Choice(
     "simple-choice",
     "Which step size, start value and exploration suit the learner of a page? Six draws, by the steps of ten episodes "
     "after 2,000 steps of the environment.",
-    {room: [settings(room, alpha0=a, theta0=value, epsilon0=e) for a, value, e in _DRAWN] for room in IN_ROOMS},
+    {room: [settings(room, **drawn) for drawn in _candidates()] for room in IN_ROOMS},
     measure=bar_on,
     seeds=range(10),
     then=range(10, 40),

@@ -295,12 +295,17 @@ def compared(room: str, table: Any, legs: Any) -> dict[str, Comparison]:
                 found[f"{key}.of climb.total"] = compare_steps(total, steps["climb"] * (TOURS - LATE))
                 found[f"{key}.of tours 6 to 10"] = compare_steps(ours, taken[who][:, LATE : 2 * LATE].mean(axis=1))
         found[f"{room}.{name}.standard.of form2"] = compare_steps(steps["standard"], steps["form2"])
-    on, random = (of_tours(table, every[who], 0) for who in ("form2", "random"))
-    for number in AFTER:
-        tried, key = rows(table, every["form2"], frozen=number).groupby("seed"), f"{room}.form2.frozen {number}"
-        found |= {f"{key}.{name}": estimate(tried[name].mean()) for name in ("steps", "finished", "right")}
-        found[f"{key}.of learning on"] = compare_steps(tried.steps.mean(), on[:, number : number + LATE].mean(axis=1))
-        found[f"{key}.of random"] = compare_steps(tried.steps.mean(), random[:, -LATE:].mean(axis=1))
+    for who in ("form2", "standard"):
+        on = of_tours(table, every[who], 0)
+        random = of_tours(table, every["random"], 0)[:, -LATE:].mean(axis=1)
+        for number in AFTER:
+            tried = rows(table, every[who], frozen=number).groupby("seed")
+            key = f"{room}.{who}.frozen {number}"
+            found |= {f"{key}.{name}": estimate(tried[name].mean()) for name in ("steps", "finished", "right")}
+            found[f"{key}.of learning on"] = compare_steps(
+                tried.steps.mean(), on[:, number : number + LATE].mean(axis=1)
+            )
+            found[f"{key}.of random"] = compare_steps(tried.steps.mean(), random)
     return found
 
 

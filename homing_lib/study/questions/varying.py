@@ -239,6 +239,7 @@ def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Compa
             found |= _of_form_2(room, update, who, table, draws, unlearnt)
         for who in ("form2", *OPPONENTS):
             robots = robots_of(who, room, update, table, draws)
+            found[f"{room}.{update}.{who}.steps"] = estimate(robots.total)
             found[f"{room}.{update}.{who}.share lost"] = estimate(lost(robots, room, unlearnt))
         found[f"{room}.{update}.smallest ratio"] = exact(detectable_ratio(room, update, len(robots)))
     return found

@@ -114,7 +114,7 @@ def placed(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterato
     """
     kinds = KINDS if settings.start == "room" else EXTENDED
     for kind, some in groupby(trials(settings, env, agent, seed, kinds), lambda one: one[0]):
-        taken, reached = np.array([ended for _, _, *ended in some], dtype=float).T
+        taken, reached = np.array([(steps, home) for _, _, steps, home in some], dtype=float).T
         steps, home = taken[:-FROM_START], reached[:-FROM_START]
         cut = np.minimum(steps, TRIAL_STEPS)
         soon = home * (steps <= TRIAL_STEPS)
@@ -187,9 +187,11 @@ def carried(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterat
 def way_home(world: HomingEnv, robot: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
     """Of an episode that begins at a pose, or in which the robot is carried there: steps from there, and success."""
     robot.begin_episode(settings.episodes + 1)
-    trial = (Kidnapped(world, _KIDNAPPED_AT, pose), robot) if kidnapped else (world, robot, {"start": pose})
-    path, home = run_episode(*trial)
-    return len(path) - _KIDNAPPED_AT * kidnapped, home
+    if not kidnapped:
+        path, home = run_episode(world, robot, {"start": pose})
+        return len(path), home
+    path, home = run_episode(Kidnapped(world, _KIDNAPPED_AT, pose), robot)
+    return len(path) - _KIDNAPPED_AT, home
 
 
 CARRIED = study(
