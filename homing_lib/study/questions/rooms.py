@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import pooled, word_of
 from homing_lib.study.choosing import STEP_SIZES, Choice
@@ -166,7 +165,7 @@ def _pooled(update: str, who: str, tables: Mapping[str, tuple[Any, ...]]) -> Com
     return Comparison(*ratio, word_of(ratio))
 
 
-def _against_form2(name: str, total: dict[str, Array]) -> dict[str, Comparison]:
+def _against_form2(name: str, total: Mapping[str, Any]) -> dict[str, Comparison]:
     """Form 2's total steps as a multiple of each other learner's."""
     others = [learner for learner in total if learner != "form2"]
     return {f"{name}.{learner}.total": compare_steps(total["form2"], total[learner]) for learner in others}
