@@ -18,7 +18,7 @@ def of(rule, alpha):
     return Settings(images="compact", lambda_rule=rule, alpha0=alpha)
 
 
-CANDIDATES = [of(rule, alpha) for rule in RULES for alpha in SIZES]
+CANDIDATES = {rule: [of(rule, alpha) for alpha in SIZES] for rule in RULES}
 
 
 @pytest.fixture
@@ -62,39 +62,47 @@ def test_the_best_of_each_group_go_on_and_the_best_of_these_on_other_seeds_is_ch
         ("fixed:0.5", 0.004): [60, 62],
     }
     choice = chosen()
-    assert [*choice.first().conditions.values()] == CANDIDATES
+    assert [*choice.first.conditions.values()] == [of(rule, alpha) for rule in RULES for alpha in SIZES]
     best = [("fixed:0", 0.002), ("fixed:0", 0.001), ("fixed:0.5", 0.004), ("fixed:0.5", 0.001)]
-    assert [*choice.second().conditions.values()] == [of(*one) for one in best]
-    assert (list(choice.first().seeds), list(choice.second().seeds)) == ([0, 1], [2, 3])
-    like = [of(rule, 0.1) for rule in RULES]
-    assert [choice.best(one) for one in like] == [of("fixed:0", 0.001), of("fixed:0.5", 0.004)]
-    assert [choice.score(one) for one in like] == [12, 61]
-    robots = choice.robots(like[0])
+    assert [*choice.second.conditions.values()] == [of(*one) for one in best]
+    assert (list(choice.first.seeds), list(choice.second.seeds)) == ([0, 1], [2, 3])
+    assert [choice.best(rule) for rule in RULES] == [of("fixed:0", 0.001), of("fixed:0.5", 0.004)]
+    assert [choice.score(rule) for rule in RULES] == [12, 61]
+    robots = choice.robots("fixed:0")
     assert (robots.seed.tolist(), robots.cut.tolist()) == ([2, 3], [11, 13])
 
 
-def test_candidates_compete_that_are_alike_but_for_the_step_size_unless_grouped_otherwise(scores):
-    assert choosing.but_for_the_step_size(of("fixed:0", 0.1)) == choosing.but_for_the_step_size(of("fixed:0", 0.2))
-    for changes in ({"lambda_rule": "fixed:0.5"}, {"update": "all"}, {"theta0": 0.5}):
-        other = of("fixed:0", 0.1).with_changes(**changes)
-        assert choosing.but_for_the_step_size(other) != choosing.but_for_the_step_size(of("fixed:0", 0.1))
+def test_whoever_is_in_a_group_competes_and_as_many_go_on_as_shall(scores):
     scores["chosen"] = scores["chosen-best"] = {("fixed:0.5", 0.004): [1, 1]}
-    of_all = chosen(group=lambda settings: "all", keep=3)
-    assert len(of_all.second().conditions) == 3
-    assert of_all.best(of("fixed:0", 0.1)) == of("fixed:0.5", 0.004)
+    of_all = chosen({"all": [one for several in CANDIDATES.values() for one in several]}, keep=3)
+    assert len(of_all.second.conditions) == 3
+    assert of_all.best("all") == of("fixed:0.5", 0.004)
+
+
+def test_who_is_in_two_groups_drives_once_and_competes_in_both(scores):
+    scores["chosen"] = scores["chosen-best"] = {("fixed:0", 0.002): [1, 1], ("fixed:0.5", 0.004): [2, 2]}
+    both = chosen(CANDIDATES | {"all": [of("fixed:0.5", 0.004), of("fixed:0", 0.002)]})
+    assert len(both.first.conditions) == len(RULES) * len(SIZES)
+    assert [both.best(group) for group in ("fixed:0", "fixed:0.5", "all")] == [
+        of("fixed:0", 0.002),
+        of("fixed:0.5", 0.004),
+        of("fixed:0", 0.002),
+    ]
 
 
 def test_a_choice_is_made_after_what_it_needs_and_its_candidates_then(scores):
     asked = []
     before = studies.study("before", "Is needed.", {"all": Settings()}, range(2))
     choice = chosen(lambda: asked.append(True) or CANDIDATES, needs=[before])
-    assert asked == []
     assert (choice.first.needs, choice.second.needs) == ([before], [choice.first])
     assert [study.name for study in studies.in_order()] == ["before", "chosen", "chosen-best"]
+    assert asked == []
+    assert choice.best("fixed:0") in choice.first.conditions.values()
+    assert asked == [True]
 
 
 def test_without_its_tables_nothing_is_chosen(monkeypatch, tmp_path):
     monkeypatch.setattr(studies, "LISTED", {})
     monkeypatch.setattr(runs, "DATA", tmp_path)
     with pytest.raises(UserError, match=r"chosen\.parquet: missing"):
-        chosen().best(CANDIDATES[0])
+        chosen().best("fixed:0")

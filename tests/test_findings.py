@@ -252,7 +252,7 @@ def test_the_study_knows_its_questions_by_their_folder_alone():
 
 def test_the_tables_that_are_judged_are_of_studies_on_the_list():
     listed = {study.name for study in studies.in_order()}
-    assert {table.name for one in ASKED.values() for table in one.made_studies} <= listed
+    assert {table.name for one in ASKED.values() for table in one.studies} <= listed
 
 
 def test_the_rooms_where_worth_also_asks_with_another_step_size_are_those_where_another_was_chosen():

@@ -73,7 +73,7 @@ def test_wherever_it_is_killed_the_next_sweep_keeps_what_is_there_and_ends_with_
     study, before, here, monkeypatch
 ):
     monkeypatch.setattr(runs, "LEFTOVER_S", -1)
-    few = replace(study, conditions={"atlas": ATLAS}, seeds=(4, 5) if study is WHOLE else (4, 11))
+    few = replace(study, given={"atlas": ATLAS}, seeds=(4, 5) if study is WHOLE else (4, 11))
     sweep(few, workers=1)
     whole = contents(here / "data")
     for point in count():

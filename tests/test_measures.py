@@ -220,7 +220,7 @@ def test_with_the_weights_of_the_taken_action_alone_it_is_left_as_soon_as_the_ac
 def test_a_fixed_lambda_does_not_follow_the_conjugate_direction(monkeypatch):
     form_2 = conjugate.lambda_spec("fletcher-reeves")
     monkeypatch.setattr(conjugate, "lambda_spec", lambda _: form_2._replace(rule=Fixed(0.5)))
-    watched = conjugate.Watched("fletcher-reeves")
+    watched = conjugate.Watched("fletcher-reeves", "all")
     run(COMPACT.with_changes(update="all", episodes=1), 2000, lambda_rule=watched)
     assert not any(strict for strict, *_ in watched.follows)
 

@@ -34,16 +34,31 @@ DOUBT = np.resize([0.3, 1.7], SEEDS)
 
 
 class Chosen:
-    """Stands in for a `Choice`: who is like something is itself the best, and 0.5 the best fixed lambda."""
+    """Stands in for a `Choice`: of each group the only candidate is the best, and 0.5 the best fixed lambda."""
 
-    def best(self, like):
-        return like
+    def __init__(self, candidate):
+        self.best = candidate
 
-    def score(self, like):
-        return 0 if like.lambda_rule == "fixed:0.5" else 1
+    def score(self, group):
+        return 0 if self.best(group).lambda_rule == "fixed:0.5" else 1
 
-    def robots(self, like):
-        return pd.DataFrame({"total": 1000 * SPREAD, "lambda": 0.33})
+    def robots(self, group):
+        return pd.DataFrame({"total": 1000 * SPREAD})
+
+
+def learner(group):
+    room, name = group
+    return Settings(images="atlas", room=room, **{"lambda_rule": "fixed:0", **rooms.LEARNERS[name]})
+
+
+CHOSEN = {
+    (varying, "CHOICE"): Chosen(lambda group: varying.settings(*group)),
+    (varying, "OWN"): Chosen(lambda group: varying.settings(*group[:2], "fixed:0.33")),
+    (varying, "DRAWS"): Chosen(lambda group: varying.settings(*group, varying.FORM_2)),
+    (rooms, "CALIBRATION"): Chosen(learner),
+    (simple, "CHOICE"): Chosen(simple.settings),
+}
+"""By the module and the name of a choice what stands in for it."""
 
 
 @pytest.fixture(autouse=True)
@@ -51,15 +66,8 @@ def few_resamples_and_nothing_to_choose(monkeypatch):
     """Made-up tables leave no doubt that more resamples would settle."""
     bootstrap.draws.cache_clear()
     monkeypatch.setattr(bootstrap, "RESAMPLES", 500)
-    for module, name in (
-        (varying, "CHOICE"),
-        (varying, "OWN"),
-        (varying, "DRAWS"),
-        (rooms, "CALIBRATION"),
-        (simple, "CHOICE"),
-    ):
-        monkeypatch.setattr(module, name, Chosen())
-    monkeypatch.setattr(varying, "own_mean", lambda room, update, rule: "fixed:0.33")
+    for choice, chosen in CHOSEN.items():
+        monkeypatch.setattr(*choice, chosen)
     yield
     bootstrap.draws.cache_clear()
 

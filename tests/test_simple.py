@@ -8,8 +8,10 @@ import pytest
 
 from homing_lib.agent import run
 from homing_lib.settings import Settings
+from homing_lib.study import measures
 from homing_lib.study.methods.simple import CONSTANT, REPLAY_SHARE, SimpleAgent
 from homing_lib.study.questions import simple
+from homing_lib.study.robots import FrozenAgent
 from homing_lib.thresholds import stopping_thresholds
 
 NINE = {"bin_size": 128, "theta0": 0.0, "alpha0": 0.5, "epsilon0": 0.0}  # nine features: three bins a channel
@@ -102,6 +104,41 @@ def test_the_ten_episodes_are_those_that_begin_once_two_thousand_steps_are_drive
     assert simple.reached(lengths) == {"steps": 600, "cut": 500}
 
 
+def test_what_is_looked_at_in_half_the_time_is_the_same_and_each_number_is_of_the_same_drive():
+    settings = Settings(images="compact")
+    row = simple.bar(settings, 3)
+    assert simple.bar_on(settings, 3) == {name: row[name] for name in ("steps", "cut")}
+    lengths = run(settings.with_changes(episodes=20), 3).lengths
+    assert (row["at_0"], row["at_250"]) == (lengths[0], lengths[np.searchsorted(np.cumsum(lengths), 250, "right")])
+    assert row["diverged"] == 0
+
+
+def test_a_robot_that_diverged_takes_the_step_cap_in_each_episode_that_is_looked_at():
+    lost = Settings(images="compact", lambda_rule="fixed:1", alpha0=1e9, theta0=1e9)
+    row = simple.bar(lost, 0)
+    assert (row["steps"], row["cut"], row["at_4750"], row["diverged"]) == (2000, 500, 2000, 1)
+    assert (row["frozen"], row["home"]) == (2000, 0)  # it is not tried frozen
+
+
+def test_it_is_tried_frozen_once_after_the_episode_in_which_it_has_driven_far_enough(monkeypatch):
+    tried, episodes = [], []
+
+    def run_episode(world, robot, *_):
+        frozen = isinstance(robot, FrozenAgent)
+        if frozen:
+            tried.append(sum(episodes))
+        else:
+            episodes.append(700)
+        return np.zeros((30 if frozen else 700, 11)), frozen
+
+    monkeypatch.setattr(measures, "run_episode", run_episode)
+    monkeypatch.setattr(simple, "run_episode", run_episode)
+    row = simple.bar(Settings(images="compact", survey_steps=60), 0)
+    assert tried == [5600]
+    assert len(episodes) == 3 + simple.NEXT  # the first of the ten begins at 2,100
+    assert (row["frozen"], row["home"], row["steps"]) == (30, 1, 700)
+
+
 def robots(steps=20.0, frozen=21.0, home=1.0, diverged=0.0, one=None):
     table = pd.DataFrame({"steps": steps, "frozen": frozen, "home": home, "diverged": diverged}, index=range(400))
     for name, value in (one or {}).items():
@@ -124,7 +161,7 @@ def robots(steps=20.0, frozen=21.0, home=1.0, diverged=0.0, one=None):
 def test_a_room_is_beaten_only_where_each_number_is_on_the_right_side(table, on, frozen):
     held = simple.against_the_bar(table, 20, 377, simple.COMPARISONS)
     found = {f"attic.simple.{name}": one for name, one in held.items()}
-    assert simple.beats(found, "attic") == {"on": on, "frozen": frozen}
+    assert simple.beats(found, "attic") == (on, frozen)
 
 
 def test_what_an_interval_leaves_open_beats_nothing():
@@ -132,11 +169,12 @@ def test_what_an_interval_leaves_open_beats_nothing():
     spread["steps"] = np.resize([10.0, 35.0], len(spread))  # 22.5 on average, and 23 within its interval
     held = simple.against_the_bar(spread, 20, 377, simple.COMPARISONS)
     assert held["on"].verdict == "undecided"
-    assert not simple.beats({f"hall.simple.{name}": one for name, one in held.items()}, "hall")["on"]
+    on, _ = simple.beats({f"hall.simple.{name}": one for name, one in held.items()}, "hall")
+    assert not on
 
 
 def test_every_drawn_candidate_drives_in_every_room():
-    candidates = simple.CHOICE.first().conditions.values()
+    candidates = simple.CHOICE.first.conditions.values()
     assert {(one.room, one.alpha0, one.theta0, one.epsilon0) for one in candidates} == {
         (room, *drawn.values()) for room, drawn in product(simple.IN_ROOMS, simple._candidates())
     }

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from contextlib import suppress
 from itertools import pairwise
 from math import pi
 from types import SimpleNamespace
@@ -25,10 +24,7 @@ from homing_lib.study.robots import Kidnapped
 from homing_lib.study.runs import DATA, Study, load_table
 
 SMALL = Settings(episodes=2, survey_steps=60, max_steps=40, image_size=16, bin_size=32)
-STUDIES = []
-with suppress(UserError):  # the last needs a table, and its tests say so
-    for study in studies.in_order():
-        STUDIES.append(study)
+STUDIES = [*studies.in_order()]
 TABLES = [study for study in STUDIES if study.measure and study.table.exists()]
 COMPACT = Settings(images="compact")
 
@@ -68,7 +64,7 @@ def test_a_new_file_is_found_without_a_list_elsewhere_whichever_is_imported_firs
         "import sys; from importlib import import_module; from homing_lib.study import findings, questions, studies\n"
         "questions.__path__.append(sys.argv[1])\n"
         "for name in sys.argv[:1:-1]: import_module(f'homing_lib.study.questions.{name}')\n"
-        "print(findings.questions()['flies'].made_studies[0].name, *(study.name for study in studies.in_order()))"
+        "print(findings.questions()['flies'].studies[0].name, *(study.name for study in studies.in_order()))"
     )
     names = [file.stem for file in studies.load_questions()]
     command = [sys.executable, "-c", program, str(tmp_path), *names]
@@ -80,22 +76,13 @@ def test_a_new_file_is_found_without_a_list_elsewhere_whichever_is_imported_firs
 def test_a_study_is_listed_where_it_is_defined_and_one_that_needs_another_after_it(monkeypatch, tmp_path):
     monkeypatch.setattr(runs, "DATA", tmp_path)
     monkeypatch.setattr(studies, "LISTED", {})
-    made = []
-
-    @studies.later()
-    def first():
-        return Study("first", "Is made when it is asked for.", {"default": Settings()}, range(3), measures.curve)
-
-    @studies.later(first)
-    def second():
-        made.append(load_table(first()))
-
-    new = studies.study("new", "Does the robot fly?", {"default": Settings()}, range(2000, 2002), measures.curve)
-    order = studies.in_order()
-    assert [next(order), next(order)] == [new, first()]
-    with pytest.raises(UserError, match=r"first\.parquet: missing"):
-        next(order)
-    assert made == []
+    default = {"default": Settings()}
+    needed = studies.study("needed", "Does the robot fly?", default, range(3), measures.curve)
+    new = studies.study("new", "Does it land?", default, range(2000, 2002), measures.curve)
+    how = studies.study("how", "How?", lambda: dict(load_table(needed).groupby("seed")), range(3), needs=[needed])
+    assert [*studies.in_order()] == [needed, new, how]
+    with pytest.raises(UserError, match=r"needed\.parquet: missing"):
+        print(how.conditions)
 
 
 def test_settings_are_labelled_by_what_varies_and_the_same_are_one():
@@ -122,11 +109,11 @@ def test_the_page_of_the_studies_is_up_to_date_and_tells_reason_seeds_and_settin
 
 
 def test_who_chooses_has_seeds_below_100_the_finalists_others_than_the_calibration_and_who_is_judged_none_below_1000():
-    seeds = [seed for study in (studies.CALIBRATION, studies.finalists()) for seed in study.seeds]
+    seeds = [seed for study in (studies.CALIBRATION, studies.FINALISTS) for seed in study.seeds]
     assert sorted(seeds) == list(range(100))
     for study in STUDIES:
         assert max(study.seeds) < 100 or min(study.seeds) >= 1000, study.name
-    judged = {table.name for question in findings.questions().values() for table in question.made_studies}
+    judged = {table.name for question in findings.questions().values() for table in question.studies}
     assert [study.name for study in STUDIES if study.name in judged and min(study.seeds) < 1000] == []
 
 
@@ -153,8 +140,8 @@ def test_from_the_letter_to_ours_one_substitution_is_made_at_a_time():
 
 
 def test_the_defaults_are_the_winner_by_mean_steps_of_episodes_11_to_20_a_diverged_one_counted_as_the_step_cap():
-    winner = studies.calibration_score(load_table(studies.finalists())).index[0]
-    assert studies.finalists().conditions[winner].with_changes(images="camera") == Settings()
+    winner = studies.calibration_score(load_table(studies.FINALISTS)).index[0]
+    assert studies.FINALISTS.conditions[winner].with_changes(images="camera") == Settings()
     steps = np.concatenate([np.where(np.arange(20) < 10, 500, 40.0), np.where(np.arange(20) < 15, 30, np.nan)])
     table = pd.DataFrame({"condition": ["good"] * 20 + ["diverges"] * 20, "seed": 0, "steps": steps})
     table["episode"] = np.tile(np.arange(1.0, 21), 2)
@@ -201,9 +188,15 @@ def test_a_run_that_diverged_at_once_takes_the_cap_in_every_episode():
     assert list(table["steps"]) == [400] * 5
 
 
-def test_what_is_seen_after_learning_is_a_table():
-    seen = measures.rows_after(SMALL, 0, ("one", "two"), lambda env, agent: [(1.0, 2.0), (3.0, 4.0)])
-    assert {name: list(values) for name, values in seen.items()} == {"one": [1, 3], "two": [2, 4]}
+def test_what_is_seen_after_learning_is_a_table_and_the_measure_has_the_name_by_which_runs_are_kept():
+    @measures.after_learning("episodes", "seed", episodes=1)
+    def seen(settings, seed, env, agent):
+        yield settings.episodes, seed
+        yield env.settings.episodes, agent.learner.weights.size
+
+    table = {name: list(values) for name, values in seen(SMALL, 7).items()}
+    assert table == {"episodes": [1, 1], "seed": [7, 3 * SMALL.n_features]}
+    assert Study("seen", "Why?", {"all": SMALL}, range(2), seen).measured == "seen"
 
 
 def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsewhere_in_every_episode():

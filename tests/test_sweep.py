@@ -133,9 +133,9 @@ def test_outside_a_clone_nothing_is_computed(here, monkeypatch):
     ("changes", "computed"),
     [
         ({"seeds": range(5)}, [0, 0, 4, 4]),
-        ({"conditions": {"atlas": ATLAS, "camera": CAMERA.with_changes(alpha0=0.25)}}, [1, 2, 3, 11]),
+        ({"given": {"atlas": ATLAS, "camera": CAMERA.with_changes(alpha0=0.25)}}, [1, 2, 3, 11]),
         ({"measure": other_numbers}, []),
-        ({"conditions": {"camera": CAMERA, "renamed": ATLAS}}, []),
+        ({"given": {"camera": CAMERA, "renamed": ATLAS}}, []),
     ],
 )
 def test_of_a_study_that_changed_what_is_new_is_computed_and_the_stored_table_is_not_taken_for_it(changes, computed):

@@ -1,13 +1,12 @@
 """The question `today` can come out either way, and its parts say what they compare."""
 
-import pandas as pd
 import pytest
 
 from homing_lib.settings import Settings
 from homing_lib.study import bootstrap
 from homing_lib.study.questions import today, varying
 from homing_lib.study.studies import ROOMS, labelled
-from tests.test_questions import SPREAD, Chosen, judged, robots
+from tests.test_questions import CHOSEN, Chosen, judged, robots
 
 
 @pytest.fixture(autouse=True)
@@ -15,13 +14,20 @@ def few_resamples_and_nothing_to_choose(monkeypatch):
     """Made-up tables leave no doubt that more resamples would settle."""
     bootstrap.draws.cache_clear()
     monkeypatch.setattr(bootstrap, "RESAMPLES", 500)
-    monkeypatch.setattr(varying, "CHOICE", Chosen())
-    monkeypatch.setattr(today, "CHOICE", Chosen())
+    monkeypatch.setattr(varying, "CHOICE", CHOSEN[varying, "CHOICE"])
+    monkeypatch.setattr(today, "CHOICE", Chosen(lambda group: WHO[group]))
     yield
     bootstrap.draws.cache_clear()
 
 
 METHODS = today.METHODS
+CANDIDATES = today.CHOICE.first.conditions
+WHO = {
+    (room, method): Settings(images="atlas", room=room, **METHODS[method][0])
+    for room in today.IN_ROOMS
+    for method in METHODS
+}
+"""Who stands for a method in a room."""
 
 
 def tables(late=50.0, **steps):
@@ -30,10 +36,11 @@ def tables(late=50.0, **steps):
     """
 
     def taken(_, one):
-        said = steps.get(today.method_of(one)[1].replace("-", "_"), 1000.0)
+        (method,) = (method for (_, method), settings in WHO.items() if settings == one)
+        said = steps.get(method.replace("-", "_"), 1000.0)
         return said if isinstance(said, float) else said[one.room]
 
-    methods = labelled(today.chosen(room, method) for room in today.IN_ROOMS for method in METHODS)
+    methods = labelled(WHO.values())
     rules = [
         labelled(
             varying.settings(room, update, rule)
@@ -77,25 +84,13 @@ def test_what_stands_beside_today_decides_nothing():
     verdict, found = judged("today", *tables(late=150.0, **{"bounded form 2": 100.0}))
     assert verdict == WORD.format(0, 0)
     assert found["attic.bounded form 2.total"].verdict == "fewer"
-    assert (found["paper.least-squares.share lost"].value, found["paper.standard.total"].value) == (1, 0.8)
+    assert (found["paper.least-squares.lost"].value, found["paper.standard.total"].value) == (1, 0.8)
     assert found["paper.least-squares.total"].value == 0.5
 
 
 def test_candidates_compete_within_their_room_and_method_and_each_stands_once():
-    candidates = [
-        (room, name, one) for room in today.IN_ROOMS for name, some in METHODS.items() for one in some.settings(room)
-    ]
-    assert all(today.method_of(one) == (room, name) for room, name, one in candidates)
-    assert len({one for *_, one in candidates}) == len(candidates)
-
-
-def test_the_smallest_ratio_is_that_of_the_method_whose_robots_differ_most(monkeypatch):
-    class Spread(Chosen):
-        def robots(self, like):
-            wide = 3 if like.controller.startswith("tdc") else 1
-            return pd.DataFrame({"total": 1000 + wide * 1000 * (SPREAD - 1)})
-
-    monkeypatch.setattr(today, "CHOICE", Spread())
-    ours = pd.Series(1000 + 3000 * (SPREAD - 1)).to_numpy()
-    expected = bootstrap.smallest_ratio(ours, 1000 * SPREAD, len(today.ROBOTS), 16)
-    assert today.detectable_ratio("paper") == pytest.approx(expected)
+    for method, several in METHODS.items():
+        known_as = "step-size-bound" if method == "bounded form 2" else method
+        assert {values["controller"].partition(":")[0] for values in several} == {known_as}
+    assert {values["lambda_rule"] for values in METHODS["bounded form 2"]} == {varying.FORM_2}
+    assert len({*CANDIDATES.values()}) == len(today.IN_ROOMS) * sum(map(len, METHODS.values()))

@@ -68,7 +68,7 @@ def test_a_figure_rests_on_what_its_cell_reads_and_on_nothing_else(name, cell, s
 def test_a_figure_of_findings_rests_on_the_studies_of_their_questions(written):
     asked = where.findings.questions()
     assert written["C8"].asked == ["drives", "C8"]
-    names = {study.name for name in ("drives", "C8") for study in asked[name].made_studies}
+    names = {study.name for name in ("drives", "C8") for study in asked[name].studies}
     assert {study.name for study in written["C8"].studies} == names
 
 

@@ -36,7 +36,7 @@ def judged(names: Sequence[str] = ()) -> str:
 def _from(name: str) -> str:
     """Where a finding is judged, and from which tables."""
     asked = findings.questions()[name]
-    tables = ", ".join(where.stored_in(study) for study in asked.made_studies)
+    tables = ", ".join(where.stored_in(study) for study in asked.studies)
     return f"  Judged in {where.file_of(asked.judge)}" + (f" from {tables}" if tables else "")
 
 

@@ -23,7 +23,6 @@ from homing_lib.publish.prose import REPORT
 from homing_lib.storage import ROOT
 from homing_lib.study import findings
 from homing_lib.study.runs import Study
-from homing_lib.study.studies import Later
 
 
 class Drawn(NamedTuple):
@@ -61,8 +60,7 @@ class Drawn(NamedTuple):
         nodes = [node for part in self.statements for node in ast.walk(part) if isinstance(node, ast.expr)]
         named = [looked_up(node, self.imported) for node in nodes]
         named += [one for name in self.asked for one in findings.questions()[name].studies]
-        made = [one() if isinstance(one, Later) else one for one in named if isinstance(one, Study | Later)]
-        return list({one.name: one for one in made}.values())
+        return list({one.name: one for one in named if isinstance(one, Study)}.values())
 
 
 def origin(name: str) -> str:

@@ -155,7 +155,7 @@ class Question(NamedTuple):
     name: str
     text: str
     predicate: str
-    studies: tuple[Any, ...]  # `Study`, or what makes one once its choices are known
+    studies: tuple[Study, ...]
     order: float
     judge: Callable[..., Judged]
 
@@ -164,21 +164,11 @@ class Question(NamedTuple):
         """Whether the paper says so, rather than that we ask."""
         return self.name[0] == "C" and self.name[1:].isdecimal()
 
-    @property
-    def made_studies(self) -> list[Study]:
-        """Its studies, also those that depend on tables of others."""
-        return [_made(one) for one in self.studies]
-
-
-def _made(study: Any) -> Study:
-    """A study, also one that depends on tables of others."""
-    return study if isinstance(study, Study) else study()
-
 
 REGISTERED: dict[str, Question] = {}  # what `question` made, by name
 
 
-def question(name: str, text: str, predicate: str, *studies: Any, order: float = math.inf) -> Callable[..., Any]:
+def question(name: str, text: str, predicate: str, *studies: Study, order: float = math.inf) -> Callable[..., Any]:
     """Stands above a judge. name: a word, or "C1", ... for a claim of the paper; predicate: what decides, and how.
 
     order: its place among the questions, as in the article; without one it comes after them, by name. Claims come last,
@@ -247,7 +237,7 @@ def as_text(found: Finding) -> str:
 def judge(name: str) -> Finding:
     """Judge anew, from the stored tables. Raises UserError if they are not sound."""
     asked = questions()[name]
-    verdict, comparisons = asked.judge(*map(load_table, asked.made_studies))
+    verdict, comparisons = asked.judge(*map(load_table, asked.studies))
     return Finding(name, verdict, dict(comparisons))
 
 
@@ -262,12 +252,11 @@ def _made_from(asked: Question) -> str:
     return content.hexdigest()[:16]
 
 
-def _with_choices(some: Iterable[Any]) -> dict[str, Study]:
+def _with_choices(some: Iterable[Study]) -> dict[str, Study]:
     """These studies by their names, and all that they need."""
     every: dict[str, Study] = {}
     for one in some:
-        study = _made(one)
-        every |= {study.name: study} | _with_choices(getattr(one, "needs", ()))
+        every |= {one.name: one} | _with_choices(one.needs)
     return dict(sorted(every.items()))
 
 

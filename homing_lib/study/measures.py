@@ -1,20 +1,23 @@
 """What is kept of a run: its episodes or their summary, trials after it, views, shortest paths."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import wraps
 from itertools import product
 from math import floor, pi
 from typing import Any
 
 import numpy as np
 
-from homing_lib.agent import Run
+from homing_lib import agent
+from homing_lib.agent import STEP_COLUMNS, Episodes, Run
 from homing_lib.environment import HomingEnv
 from homing_lib.features import similarity
 from homing_lib.robot import LEFT_FORWARD, RIGHT_FORWARD, Robot
 from homing_lib.rooms import Pose
+from homing_lib.sarsa import Diverged
 from homing_lib.settings import Settings
-from homing_lib.study.engine import run
-from homing_lib.study.runs import Columns, episode_matrix
+from homing_lib.study.engine import run, run_episode
+from homing_lib.study.runs import Columns, Measure, episode_matrix
 from homing_lib.survey import free_pose
 from homing_lib.thresholds import stopping_thresholds
 
@@ -58,6 +61,25 @@ def curve(settings: Settings, seed: int) -> Columns:
     return {"episode": np.arange(1.0, len(taken) + 1), "steps": taken}
 
 
+def driven(settings: Settings, seed: int, goes_on: Callable[..., bool]) -> tuple[list[int], bool]:
+    """Steps of the episodes of a run that has as many as it takes, the rates of the settings' schedule continued, and
+    whether it diverged. goes_on: asked before each, with the steps of those so far, the world and the robot.
+    """
+    lengths: list[int] = []
+
+    def drive(env: HomingEnv, robot: Any, *_: Any) -> Episodes:
+        while goes_on(lengths, env, robot):
+            robot.begin_episode(len(lengths) + 1)
+            lengths.append(len(run_episode(env, robot)[0]))
+        return np.empty((0, len(STEP_COLUMNS))), np.array(lengths), np.ones(len(lengths), dtype=bool), 0
+
+    try:
+        agent.run(settings, seed, episodes=drive)
+    except Diverged:
+        return lengths, True
+    return lengths, False
+
+
 TRIAL_STEPS = 300  # of a trial: a robot that comes home within these comes home soon
 
 
@@ -69,44 +91,45 @@ def starts_everywhere(env: HomingEnv) -> Iterator[Pose]:
             yield Pose(float(x), float(y), 0.0)
 
 
-def rows_after(
-    settings: Settings,
-    seed: int,
-    names: Sequence[str],
-    rows_of: Callable[[HomingEnv, Any], Iterable[tuple[float, ...]]],
-) -> Columns:
-    """A table of what is seen when a robot has learnt. rows_of: takes its world and the robot, and yields rows.
+def after_learning(*names: str, **changes: Any) -> Callable[[Callable[..., Iterable[tuple[float, ...]]]], Measure]:
+    """Stands above a function of settings, with these changes, seed, world and robot that yields rows of what is seen
+    when the robot has learnt, and makes a measure of it, with columns of these names.
 
     A run that diverged has nothing to show: one row without numbers.
     """
-    rows: list[tuple[float, ...]] = []
-    run(settings, seed, afterwards=lambda env, agent: rows.extend(rows_of(env, agent)))
-    return dict(zip(names, np.array(rows or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+    def measure_of(rows_of: Callable[..., Iterable[tuple[float, ...]]]) -> Measure:
+        @wraps(rows_of)
+        def measure(settings: Settings, seed: int) -> Columns:
+            now, seen = settings.with_changes(**changes), list[tuple[float, ...]]()
+            run(now, seed, afterwards=lambda env, agent: seen.extend(rows_of(now, seed, env, agent)))
+            return dict(zip(names, np.array(seen or [(np.nan,) * len(names)], dtype=float).T, strict=True))
+
+        return measure
+
+    return measure_of
 
 
-def views(settings: Settings, seed: int) -> Columns:
+@after_learning("x", "y", "heading", "camera", "atlas", episodes=1, max_steps=1)
+def views(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
     """The similarity of 400 random free views (`x`, `y`, `heading`) to home by the camera and by the settings' atlas,
     as `camera` and `atlas`.
     """
     from homing_lib.arena import Arena  # which needs PyBullet, as nothing else here does
 
-    def similarities(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        assert env.model is not None
-        rng = np.random.default_rng([seed, 3])
-        with Arena(env.room, settings) as camera:
-            for _ in range(400):
-                pose = free_pose(camera, env.room, rng)
-                nrb = [similarity(env.model.features(world.histogram(pose))) for world in (camera, env.world)]
-                yield (*pose, *nrb)
-
-    at_home = settings.with_changes(episodes=1, max_steps=1)
-    return rows_after(at_home, seed, ("x", "y", "heading", "camera", "atlas"), similarities)
+    assert env.model is not None
+    rng = np.random.default_rng([seed, 3])
+    with Arena(env.room, settings) as camera:
+        for _ in range(400):
+            pose = free_pose(camera, env.room, rng)
+            nrb = [similarity(env.model.features(world.histogram(pose))) for world in (camera, env.world)]
+            yield (*pose, *nrb)
 
 
-def shortest(settings: Settings, seed: int) -> Columns:
+@after_learning("steps", episodes=1, controller="random")
+def shortest(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float]]:
     """`fewest_steps` from the room's start, under the same actions: `steps`."""
-    surveyed = settings.with_changes(episodes=1, controller="random")
-    return rows_after(surveyed, seed, ("steps",), lambda env, agent: [(fewest_steps(env),)])
+    yield (fewest_steps(env),)
 
 
 def fewest_steps(env: HomingEnv, start: Pose | None = None, *, walls: bool = False) -> float:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from operator import index
 from pathlib import Path
@@ -54,7 +55,8 @@ class Job(NamedTuple):
 class Study:
     """A question put to the robot: some conditions, each run with the same seeds.
 
-    reason: why it is asked; conditions: settings by their labels. measure: the table of one run; all are stored as one,
+    reason: why it is asked; given: its conditions, settings by their labels, or what returns them once the tables of
+    the studies that it `needs` are there. measure: the table of one run; all are stored as one,
     data/<name>.parquet; without it, the runs themselves, with every step, under data/<name>/. atlases: further settings
     whose atlases the measure looks at. deep: its runs need torch and take minutes, so that `make deep` alone computes
     it, and keeps each as soon as it is done.
@@ -62,15 +64,21 @@ class Study:
 
     name: str
     reason: str
-    conditions: Mapping[str, Settings]
+    given: Mapping[str, Settings] | Callable[[], Mapping[str, Settings]]
     seeds: Sequence[int]
     measure: Measure | None = None
     atlases: Sequence[Settings] = ()
     deep: bool = False
+    needs: Sequence["Study"] = ()
 
     def __post_init__(self) -> None:
         """Seeds may be NumPy's. Raises UserError for what is no seed."""
         object.__setattr__(self, "seeds", seeds_of(self.seeds))
+
+    @cached_property
+    def conditions(self) -> Mapping[str, Settings]:
+        """Settings by their labels. Raises UserError if a table on which they depend is not there."""
+        return self.given() if callable(self.given) else self.given
 
     @property
     def folder(self) -> Path:

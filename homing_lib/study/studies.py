@@ -1,12 +1,11 @@
 """The list of studies: which settings, which seeds, and why. `sweep` computes them.
 
-What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `finalists`), and became the defaults
+What the paper leaves open was searched once, on seeds 0-99 (`CALIBRATION`, then `FINALISTS`), and became the defaults
 of `Settings`. Here stand the headline, those two, the lattices, and who does not learn; all others stand with the
 question that they answer (`questions/`).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
@@ -36,40 +35,23 @@ its stored table no longer fits."""
 UNLIKE = tuple(room for room in ROOMS if room not in ("paper", "divided"))
 """Those unlike the paper's; `divided` is that with a partition."""
 
-LISTED: dict[str, "Study | Later"] = {}  # what `study` and `later` made, by name
+LISTED: dict[str, Study] = {}  # what `study` made, by name
 
 
 def study(
     name: str,
     reason: str,
-    conditions: Mapping[str, Settings],
+    conditions: Mapping[str, Settings] | Callable[[], Mapping[str, Settings]],
     seeds: Sequence[int],
     measure: Measure | None = None,
     atlases: Sequence[Settings] = (),
     deep: bool = False,
+    needs: Sequence[Study] = (),
 ) -> Study:
     """A `Study` on the list of those that `homing studies` shows and `make data` computes, or checks if it is deep."""
-    made = Study(name, reason, conditions, seeds, measure, atlases, deep)
+    made = Study(name, reason, conditions, seeds, measure, atlases, deep, needs)
     LISTED[name] = made
     return made
-
-
-class Later:
-    """A study that depends on the tables of others: calling this makes it. It is listed, after those that it needs."""
-
-    def __init__(self, needs: Iterable[Any], make: Callable[[], Study]) -> None:
-        self.needs, self._make = list(needs), cache(make)
-        named = f"{make.__module__}.{make.__qualname__}"
-        LISTED[f"{named} {sum(name.startswith(named) for name in LISTED):02}"] = self
-
-    def __call__(self) -> Study:
-        """The study. Raises UserError if a table that it needs is not there."""
-        return self._make()
-
-
-def later(*needs: Any) -> Callable[[Callable[[], Study]], Later]:
-    """Stands above a function that makes a study from the tables of those that it needs."""
-    return lambda make: Later(needs, make)
 
 
 def labelled(conditions: Iterable[Settings]) -> dict[str, Settings]:
@@ -208,17 +190,14 @@ def calibration_score(table: Any) -> Any:
     )
 
 
-@later(CALIBRATION)
-def finalists() -> Study:
-    """The sixteen best of the calibration on ninety more seeds, since the best of many is flattered by luck."""
-    best = calibration_score(load_table(CALIBRATION)).index[:16]
-    return Study(
-        "finalists",
-        "The sixteen best settings of the calibration on ninety further seeds: the best of many is flattered by luck.",
-        {label: CALIBRATION.conditions[label] for label in best},
-        range(10, 100),
-        curve,
-    )
+FINALISTS = study(
+    "finalists",
+    "The sixteen best settings of the calibration on ninety further seeds: the best of many is flattered by luck.",
+    lambda: {label: CALIBRATION.conditions[label] for label in calibration_score(load_table(CALIBRATION)).index[:16]},
+    range(10, 100),
+    curve,
+    needs=[CALIBRATION],
+)
 
 
 def load_questions() -> list[Path]:
@@ -232,8 +211,7 @@ def in_order() -> Iterator[Study]:
     """All studies, in whichever file they stand, each after those that it needs."""
     load_questions()
     listed = [LISTED[name] for name in sorted(LISTED)]  # whichever module was imported first
-    order = TopologicalSorter({one: one.needs if isinstance(one, Later) else () for one in listed})
-    return (one() if isinstance(one, Later) else one for one in order.static_order())
+    return iter(TopologicalSorter({one: one.needs for one in listed}).static_order())
 
 
 PAGE = DATA / "STUDIES.md"  # all studies on one page

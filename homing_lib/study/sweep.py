@@ -42,9 +42,9 @@ def compute(
     """
     runs.require_clone()
     _require_known(names)
-    left, anew = set(names), set[Path]()
+    anew = set[Path]()
     for study in studies.in_order():
-        if names and study.name not in left:
+        if names and study.name not in names:
             continue
         if study.deep and not names:
             runs.require(study)
@@ -54,16 +54,10 @@ def compute(
                 path.unlink(missing_ok=True)
                 anew.add(path)
         yield study, sweep(study, workers=workers, cluster=cluster, force=force)
-        left.discard(study.name)
-        if names and not left:  # those that come after might need tables that are not there
-            return
 
 
 def _require_known(names: Sequence[str]) -> None:
-    try:
-        known = [study.name for study in studies.in_order()]
-    except UserError:  # a table that chooses the settings of others is still to be computed
-        return
+    known = [study.name for study in studies.in_order()]
     for name in names:
         if name not in known:
             like = nearest(name, known)

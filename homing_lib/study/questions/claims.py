@@ -74,7 +74,7 @@ EARLIER = study(
     """Learning on, in the paper's room, under its update, form 2 against the best fixed lambda, both at their own best
     step size: late steps (interquartile means), total steps, which are its time, and parameter change (k = 3).
     Supported, if each is the same or fewer; contradicted, if one is more; else inconclusive.""",
-    varying.in_paper,
+    varying.IN_PAPER,
 )
 def conjugate_lambda(table: Any) -> Judged:
     ours, fixed = (varying.robots_of(who, "paper", "taken", table, None) for who in ("form2", "best"))

@@ -21,36 +21,30 @@ AGREES = 1e-9
 class Watched:
     """A lambda rule that computes beside its own what conjugate gradient would do at the same steps.
 
-    follows: of every step but an episode's first, four answers: does the update point where conjugate gradient does, if
-    that was begun at the episode's first step (all actions' weights; those of the action taken alone), and if at the
-    last restart, where lambda was reset to 0 (likewise)? A step's delta phi is the descent direction g;
-    p = g + beta p_prev.
+    follows: of every step but an episode's first, two answers: does the update, of the action taken or of all, point
+    where conjugate gradient does, if that was begun at the episode's first step, and if at the last restart, where
+    lambda was reset to 0? A step's delta phi is the descent direction g; p = g + beta p_prev.
     """
 
-    def __init__(self, name: str) -> None:
-        self._form, self._rule = lambda_spec(name).name, lambda_spec(name).rule
+    def __init__(self, name: str, update: str) -> None:
+        self._form, self._rule, self._update = lambda_spec(name).name, lambda_spec(name).rule, update
         self._phi: Array = np.empty(0)
-        self.follows: list[tuple[bool, ...]] = []
+        self.follows: list[tuple[bool, bool]] = []
 
-    def __call__(
-        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
-    ) -> float:
+    def __call__(self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, **rest: Any) -> float:
         if phi_prev is not self._phi:  # the second step of an episode: the first went along its own gradient
             self._strict = self._restarted = delta_prev * phi_prev
         self._phi = phi
         g, g_prev = delta * phi, delta_prev * phi_prev
-        ratio = self._rule(
-            delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=trace_prev, discount=discount
-        )
+        ratio = self._rule(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, **rest)
         lambda_t = min(max(0.0, ratio), 1.0)
-        every = delta * (discount * lambda_t * trace_prev + phi)
-        taken = every.reshape(3, -1) * (phi.reshape(3, -1) != 0).any(axis=1, keepdims=True)
+        done = delta * (rest["discount"] * lambda_t * rest["trace_prev"] + phi)
+        if self._update == "taken":
+            done = (done.reshape(3, -1) * (phi.reshape(3, -1) != 0).any(axis=1, keepdims=True)).ravel()
         form: Any = self._form
         self._strict = g + beta(form, g, g_prev, self._strict) * self._strict
         self._restarted = g if ratio < 0 else g + beta(form, g, g_prev, self._restarted) * self._restarted
-        self.follows.append(
-            tuple(_agree(done.ravel(), wanted) for wanted in (self._strict, self._restarted) for done in (every, taken))
-        )
+        self.follows.append((_agree(done, self._strict), _agree(done, self._restarted)))
         return ratio
 
 
@@ -66,16 +60,14 @@ def directions(settings: Settings, seed: int) -> Columns:
     that follow it since the last restart (`restarted`); and those whose lambda was reset to 0 and to 1 (`to_0`,
     `to_1`).
     """
-    watched = Watched(settings.lambda_rule)
+    watched = Watched(settings.lambda_rule, settings.update)
     result = run(settings, seed, lambda_rule=watched)
-    which = 0 if settings.update == "all" else 1
     follows, table = iter(watched.follows), []
     # A rule that is undefined somewhere would be out of step with the episodes.
     assert result.diverged or len(watched.follows) == (result.lengths - 1).sum()
     for length, end in zip(result.lengths, result.ended, strict=True):
         reset, value = (result.column(name)[end - length : end] for name in ("clipped", "lambda"))
-        later = ((one[which], one[2 + which]) for one in islice(follows, int(length) - 1))
-        strict, restarted = np.array([(True, True), *later]).T
+        strict, restarted = np.array([(True, True), *islice(follows, int(length) - 1)]).T
         until = np.logical_and.accumulate(strict).sum()
         unclipped = (~np.logical_or.accumulate(reset > 0)).sum()
         resets = [((reset > 0) & (value == bound)).sum() for bound in (0, 1)]

@@ -17,11 +17,10 @@ from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.engine import run_episode
 from homing_lib.study.findings import Comparison, Judged, compare_steps, estimate, question
-from homing_lib.study.measures import TRIAL_STEPS, rows_after
+from homing_lib.study.measures import TRIAL_STEPS, after_learning
 from homing_lib.study.questions import varying
 from homing_lib.study.robots import driver
-from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, later, rows, study
+from homing_lib.study.studies import CAMERA_ROBOTS, ROBOTS, ROOM_ROBOTS, ROOMS, labelled, rows, study
 from homing_lib.thresholds import stopping_thresholds
 
 AFTER = (5, 10, 20)
@@ -41,7 +40,12 @@ def after(episodes: int, like: Settings = _ATLAS, **changes: Any) -> Settings:
     return like.with_changes(**{"episodes": episodes, "first_episode_share": share, **changes})
 
 
-def tried(settings: Settings, seed: int) -> Columns:
+HABITS = ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall")
+"""How robots drive, and where those that do not come home are stuck."""
+
+
+@after_learning("kind", "steps", "cut", "home", *HABITS)
+def tried(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
     """What a robot that has learnt does from the start, tried in all ways. One row for each, `kind`, its place in
     KINDS.
 
@@ -51,30 +55,21 @@ def tried(settings: Settings, seed: int) -> Columns:
     not; and `at_wall`. Of the last thousand steps of those trials that did not come home: `one_action`, the share of
     the action taken most; `spread_m`, the root mean square distance from their mean place; `stuck_at_wall`.
     """
-    names = ("kind", "steps", "cut", "home", *HABITS)
     trials = 1 if settings.images == "camera" else 3
-
-    def trials_of(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        saved, initial = agent.learner.weights.copy(), np.full_like(agent.learner.weights, settings.theta0)
-        with HomingEnv(settings.with_changes(max_steps=CAPS[-1]), observation="features", model=env.model) as world:
-            for kind, name in enumerate(KINDS):
-                if name == "greedy" and settings.images == "camera":
-                    continue  # it would drive for most of the time, and is not asked about
-                rng = np.random.default_rng([seed, 6, kind])
-                weights = initial if name in ("forgetful", "untrained") else saved
-                robot = driver(name, agent, settings, weights, rng)
-                world.reset(seed=seed)
-                each = []
-                for _ in range(trials):
-                    robot.begin_episode(settings.episodes + 1)
-                    each.append(run_episode(world, robot))
-                yield (kind, *summed_up(each))
-
-    return rows_after(settings, seed, names, trials_of)
-
-
-HABITS = ("stay_up", "stay_down", "at_wall", "one_action", "spread_m", "stuck_at_wall")
-"""How robots drive, and where those that do not come home are stuck."""
+    saved, initial = agent.learner.weights.copy(), np.full_like(agent.learner.weights, settings.theta0)
+    with HomingEnv(settings.with_changes(max_steps=CAPS[-1]), observation="features", model=env.model) as world:
+        for kind, name in enumerate(KINDS):
+            if name == "greedy" and settings.images == "camera":
+                continue  # it would drive for most of the time, and is not asked about
+            rng = np.random.default_rng([seed, 6, kind])
+            weights = initial if name in ("forgetful", "untrained") else saved
+            robot = driver(name, agent, settings, weights, rng)
+            world.reset(seed=seed)
+            each = []
+            for _ in range(trials):
+                robot.begin_episode(settings.episodes + 1)
+                each.append(run_episode(world, robot))
+            yield (kind, *summed_up(each))
 
 
 def summed_up(trials: Sequence[tuple[Array, bool]]) -> tuple[float, ...]:
@@ -143,15 +138,14 @@ def with_rule(update: str, rule: str) -> Settings:
     return after(JUDGED_AFTER, update=chosen.update, lambda_rule=rule, alpha0=chosen.alpha0)
 
 
-@later(varying.CHOICE.second)
-def other_rules() -> Study:
-    return Study(
-        "drives-rules",
-        "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
-        labelled(with_rule(update, rule) for update in varying.UPDATES for rule in RULES),
-        ROOM_ROBOTS,
-        tried,
-    )
+OTHER_RULES = study(
+    "drives-rules",
+    "The same with other rules of lambda, each at its own best step size: is it form 2's doing?",
+    lambda: labelled(with_rule(update, rule) for update in varying.UPDATES for rule in RULES),
+    ROOM_ROBOTS,
+    tried,
+    needs=[varying.CHOICE.second],
+)
 
 
 HOME_VALUE = round(Settings().n_features * stopping_thresholds(Settings().multiplier).upper, 1)
@@ -239,7 +233,7 @@ VERDICTS = {
     IN_ROOMS,
     SLIP,
     CAMERA,
-    other_rules,
+    OTHER_RULES,
     BY_START,
     order=4,
 )

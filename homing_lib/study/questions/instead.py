@@ -1,28 +1,21 @@
-"""What would a user install instead?
+"""What would a user install instead? Environment steps are counted: they are what a robot pays, whoever learns."""
 
-PPO and DQN of Stable-Baselines3, on the same environment; the published model for as many environment steps, which are
-what a robot pays, whoever learns.
-"""
-
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
-from homing_lib.sarsa import Diverged
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import estimated, iqm, ratio_unpaired, word_of
-from homing_lib.study.engine import run, run_episode
 from homing_lib.study.findings import Comparison, Judged, estimate, question
+from homing_lib.study.measures import driven
 from homing_lib.study.methods import deep
 from homing_lib.study.questions import learns, varying
-from homing_lib.study.runs import Columns, Study, episode_matrix
-from homing_lib.study.studies import CAMERA_ROBOTS, ROOM_ROBOTS, UNLEARNT, column, later, study
+from homing_lib.study.runs import Columns
+from homing_lib.study.studies import CAMERA_ROBOTS, ROOM_ROBOTS, UNLEARNT, column, study
 
 STEPS = 50_000
 """Environment steps of a run."""
@@ -38,22 +31,8 @@ def learning(settings: Settings, seed: int) -> Columns:
     if settings.controller in deep.LEARNERS:
         steps = deep.episode_lengths(settings, seed, STEPS)
     else:
-        further: list[int] = []
-        result = run(settings, seed, afterwards=lambda env, agent: further.extend(_going_on(settings, env, agent)))
-        steps = [*episode_matrix([result])[0], *further]
+        steps, _ = driven(settings, seed, lambda lengths, *_: sum(lengths) < STEPS)
     return until(STEPS, steps, settings.max_steps)
-
-
-def _going_on(settings: Settings, env: HomingEnv, agent: Any) -> Iterator[int]:
-    """Steps of the episodes that come after those of the settings, the rates of their schedule continued."""
-    made, number = 0, settings.episodes
-    with suppress(Diverged):
-        while made < STEPS:
-            number += 1
-            agent.begin_episode(number)
-            path, _ = run_episode(env, agent)
-            made += len(path)
-            yield len(path)
 
 
 def until(budget: int, steps: Sequence[float], max_steps: int) -> Columns:
@@ -112,16 +91,14 @@ IMAGES = study(
 )
 
 
-@later(varying.CHOICE.second)
-def published() -> Study:
-    """The published model for as many steps, with the rates of the schedule of twenty episodes continued."""
-    return Study(
-        "instead-published",
-        "Form 2, and standard Sarsa at the fixed lambda and step size that suit it best, for as many steps.",
-        {"form2": Settings(images="atlas"), "standard": varying.standard("paper")},
-        ROOM_ROBOTS,
-        learning,
-    )
+PUBLISHED = study(
+    "instead-published",
+    "Form 2, and standard Sarsa at the fixed lambda and step size that suit it best, for as many steps.",
+    lambda: {"form2": Settings(images="atlas"), "standard": varying.standard("paper")},
+    ROOM_ROBOTS,
+    learning,
+    needs=[varying.CHOICE.second],
+)
 
 
 # --- What is judged ---------------------------------------------------------------------------------------------------
@@ -165,7 +142,7 @@ def over_time(words: Mapping[int, str]) -> str:
     beside it.""",
     DEEP,
     IMAGES,
-    published,
+    PUBLISHED,
     UNLEARNT,
     learns.SHORTEST,
     order=9.5,
@@ -181,7 +158,6 @@ def instead(on_features: Any, images: Any, ours: Any, unlearnt: Any, shortest: A
         taken = {who: steps[:, place] for who, steps in (robots | others).items()}
         for who in others:
             found[f"{at}.{who}"] = compare_unpaired(taken["form2"], taken[who], COMPARISONS * (who in DEEP.conditions))
-            found[f"{at}.standard of {who}"] = compare_unpaired(taken["standard"], taken[who])
         words[at] = of_all([found[f"{at}.{who}"].verdict for who in DEEP.conditions])
         for who, steps in taken.items():
             found |= {f"{at}.{who}.steps": estimate(steps), f"{at}.{who}.lost": estimate(steps > at_random)}

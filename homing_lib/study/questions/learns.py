@@ -22,16 +22,7 @@ from homing_lib.study.findings import (
 )
 from homing_lib.study.measures import TRIAL_STEPS, WINDOW, curve, shortest
 from homing_lib.study.runs import episodes_of
-from homing_lib.study.studies import (
-    CAMERA_ROBOTS,
-    HEADLINE_SEEDS,
-    ROBOTS,
-    ROOMS,
-    UNLEARNT,
-    column,
-    labelled,
-    study,
-)
+from homing_lib.study.studies import CAMERA_ROBOTS, HEADLINE_SEEDS, ROBOTS, ROOMS, UNLEARNT, column, labelled, study
 
 EPISODES = 20
 

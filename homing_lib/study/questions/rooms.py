@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from homing_lib.features import Array
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import pooled, word_of
 from homing_lib.study.choosing import STEP_SIZES, Choice
@@ -20,27 +19,30 @@ from homing_lib.study.measures import totals
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
 from homing_lib.study.runs import Study
-from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, Later, column, exploration, labelled, later
+from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, column, exploration, labelled, study
 
 ROBOTS_IN = {room: range(10_000, 11_000) if room == "hall" else ROOM_ROBOTS for room in ROOMS[1:]}
 """The hall has more: its robots differ most (`smallest ratio` among the findings)."""
 
 
-def _drive_in(room: str) -> tuple[Later, Later]:
+def _drive_in(room: str) -> tuple[Study, Study]:
     """The studies of a room: rules, and draws."""
 
-    def of_rules() -> Study:
-        rules = [chosen(room, update, rule) for update in UPDATES for rule in varying.RULES_IN_ROOMS]
+    def rules() -> dict[str, Settings]:
+        best = [chosen(room, update, rule) for update in UPDATES for rule in varying.RULES_IN_ROOMS]
         own_mean = [chosen_own(room, update, FORM_2) for update in UPDATES]
-        reason = f"Form 2, the gate and fixed lambdas in the {room}, each at its own best step size there."
-        return Study(f"rooms-{room}", reason, labelled(rules + own_mean), ROBOTS_IN[room], totals)
+        return labelled(best + own_mean)
 
-    def of_draws() -> Study:
-        draws = [varying.DRAWS.best(varying.settings(room, update, FORM_2)) for update in UPDATES]
-        reason = f"Lambdas drawn from form 2's own in the {room}, at their best step sizes."
-        return Study(f"rooms-{room}-drawn", reason, labelled(draws), ROBOTS_IN[room], varying.drawn)
+    def draws() -> dict[str, Settings]:
+        return labelled(varying.DRAWS.best((room, update)) for update in UPDATES)
 
-    return Later([varying.OWN.second], of_rules), Later([varying.DRAWS.second], of_draws)
+    of_rules = f"Form 2, the gate and fixed lambdas in the {room}, each at its own best step size there."
+    of_draws = f"Lambdas drawn from form 2's own in the {room}, at their best step sizes."
+    robots = ROBOTS_IN[room]
+    return (
+        study(f"rooms-{room}", of_rules, rules, robots, totals, needs=[varying.OWN.second]),
+        study(f"rooms-{room}-drawn", of_draws, draws, robots, varying.drawn, needs=[varying.DRAWS.second]),
+    )
 
 
 STUDIES = {room: _drive_in(room) for room in ROBOTS_IN}
@@ -78,22 +80,14 @@ def _candidates(learner: str) -> list[dict[str, Any]]:
     return list(drawn.values())
 
 
-def learner_of(one: Settings) -> tuple[str, str]:
-    """Room and learner."""
-    standard = "standard" if one.bootstrap_terminal else "masked"
-    return one.room, "form2" if one.lambda_rule == FORM_2 else "fixed" if one.update == "taken" else standard
-
-
 CALIBRATION = Choice(
     "rooms-calibration",
     "Which step size, exploration and schedule, and which fixed lambda, suit which learner? 160 draws each.",
-    [
-        Settings(images="atlas", room=room, **values)
+    {
+        (room, learner): [Settings(images="atlas", room=room, **values) for values in _candidates(learner)]
         for room in CALIBRATED_IN
         for learner in LEARNERS
-        for values in _candidates(learner)
-    ],
-    learner_of,
+    },
     keep=16,
     seeds=range(10),
     then=range(10, 100),
@@ -102,7 +96,7 @@ CALIBRATION = Choice(
 
 def calibrated(room: str, learner: str) -> Settings:
     """A learner with what suits it best in a room."""
-    return CALIBRATION.best(Settings(images="atlas", room=room, **{"lambda_rule": "fixed:0", **LEARNERS[learner]}))
+    return CALIBRATION.best((room, learner))
 
 
 def with_settings_of(room: str, whose: str, learner: str) -> Settings:
@@ -113,20 +107,19 @@ def with_settings_of(room: str, whose: str, learner: str) -> Settings:
     return own.with_changes(**{name: getattr(others, name) for name in names})
 
 
-@later(CALIBRATION.second)
-def for_each() -> Study:
-    return Study(
-        "rooms-matrix",
-        "Does it depend on whom the model was calibrated for? Each learner with what suits each.",
-        labelled(
-            with_settings_of(room, whose, learner)
-            for room in CALIBRATED_IN
-            for whose in ("declared", *LEARNERS)
-            for learner in LEARNERS
-        ),
-        ROOM_ROBOTS,
-        totals,
-    )
+FOR_EACH = study(
+    "rooms-matrix",
+    "Does it depend on whom the model was calibrated for? Each learner with what suits each.",
+    lambda: labelled(
+        with_settings_of(room, whose, learner)
+        for room in CALIBRATED_IN
+        for whose in ("declared", *LEARNERS)
+        for learner in LEARNERS
+    ),
+    ROOM_ROBOTS,
+    totals,
+    needs=[CALIBRATION.second],
+)
 
 
 @question(
@@ -136,9 +129,9 @@ def for_each() -> Study:
     counts the rooms: "in n of 6 rooms". Pooled is the geometric mean over the four rooms that are unlike the paper's.
     Beside it, the matrix: form 2 against each other learner, all with what was calibrated for one of them.""",
     UNLEARNT,
-    for_each,
-    varying.in_paper,
-    varying.in_paper_drawn,
+    FOR_EACH,
+    varying.IN_PAPER,
+    varying.IN_PAPER_DRAWN,
     *(one for pair in STUDIES.values() for one in pair),
     order=7,
 )
@@ -172,7 +165,7 @@ def _pooled(update: str, who: str, tables: Mapping[str, tuple[Any, ...]]) -> Com
     return Comparison(*ratio, word_of(ratio))
 
 
-def _against_form2(name: str, total: dict[str, Array]) -> dict[str, Comparison]:
+def _against_form2(name: str, total: Mapping[str, Any]) -> dict[str, Comparison]:
     """Form 2's total steps as a multiple of each other learner's."""
     others = [learner for learner in total if learner != "form2"]
     return {f"{name}.{learner}.total": compare_steps(total["form2"], total[learner]) for learner in others}

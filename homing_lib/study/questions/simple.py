@@ -15,20 +15,18 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from homing_lib import agent
 from homing_lib.environment import HomingEnv
-from homing_lib.sarsa import Diverged
 from homing_lib.settings import Settings
 from homing_lib.study.choosing import Choice
 from homing_lib.study.engine import run_episode
 from homing_lib.study.findings import Comparison, Judged, compare_steps, compare_to_limit, estimate, exact, question
-from homing_lib.study.measures import CUT
+from homing_lib.study.measures import CUT, driven
 from homing_lib.study.questions import drives, learns, varying
 from homing_lib.study.robots import FrozenAgent
-from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, UNLEARNT, column, labelled, later, rows
+from homing_lib.study.runs import Columns
+from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, UNLEARNT, column, labelled, rows, study
 
 IN_ROOMS = ("paper", "attic", "hall")
 
@@ -51,13 +49,16 @@ def bar(settings: Settings, seed: int) -> Columns:
     """
     frozen: list[tuple[int, bool]] = []
 
-    def frozen_trial(env: HomingEnv, robot: Any) -> None:
-        with HomingEnv(settings, observation="features", model=env.model) as world:
-            world.reset(seed=seed)
-            path, home = run_episode(world, FrozenAgent(robot, greedy=True))
-            frozen.append((len(path), home))
+    def look(lengths: list[int], env: HomingEnv, robot: Any) -> bool:
+        """Try it frozen once it has driven so far. Returns whether it is to drive on."""
+        if sum(lengths) >= FROZEN and not frozen:
+            with HomingEnv(settings, observation="features", model=env.model) as world:
+                world.reset(seed=seed)
+                path, home = run_episode(world, FrozenAgent(robot, greedy=True))
+                frozen.append((len(path), home))
+        return sum(lengths) < FROZEN or len(next_ten(lengths)) < NEXT
 
-    lengths, diverged = driven(settings, seed, FROZEN, frozen_trial)
+    lengths, diverged = looked_at(settings, seed, look)
     way, home = frozen[0] if frozen else (_CAP, False)
     begun = np.cumsum(lengths) - lengths
     row: dict[str, Any] = reached(lengths) | {"frozen": way, "home": home, "diverged": diverged}
@@ -67,37 +68,28 @@ def bar(settings: Settings, seed: int) -> Columns:
 
 def bar_on(settings: Settings, seed: int) -> Columns:
     """`steps` and `cut` of `bar` alone, in half the time."""
-    row = reached(driven(settings, seed, LEARNT, lambda env, robot: None)[0])
+    lengths, _ = looked_at(settings, seed, lambda lengths, *_: len(next_ten(lengths)) < NEXT)
+    row = reached(lengths)
     return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
-def driven(
-    settings: Settings, seed: int, steps: int, then: Callable[[HomingEnv, Any], None]
-) -> tuple[NDArray[np.int64], bool]:
-    """Steps of the episodes of a run until so many have been driven, and ten episodes after LEARNT; whether it
-    diverged. then: is called when so many have been driven.
-    """
-    lengths: list[int] = []
-
-    def drive(env: HomingEnv, robot: Any, *_: Any) -> agent.Episodes:
-        while sum(lengths) < steps or sum(np.cumsum([0, *lengths[:-1]]) >= LEARNT) < NEXT:
-            robot.begin_episode(len(lengths) + 1)
-            before = sum(lengths)
-            lengths.append(len(run_episode(env, robot)[0]))
-            if before < steps <= sum(lengths):
-                then(env, robot)
-        return np.empty((0, len(agent.STEP_COLUMNS))), np.array(lengths), np.ones(len(lengths), dtype=bool), 0
-
-    try:
-        agent.run(settings, seed, episodes=drive)
-    except Diverged:
-        return np.array([*lengths, *[_CAP] * (NEXT + FROZEN // _CAP)]), True
-    return np.array(lengths), False
+def looked_at(settings: Settings, seed: int, goes_on: Callable[..., bool]) -> tuple[NDArray[np.int64], bool]:
+    """`measures.driven`; of a run that diverged, as many episodes more as are looked at take the step cap."""
+    lengths, diverged = driven(settings, seed, goes_on)
+    if diverged:
+        lengths += (NEXT + FROZEN // _CAP) * [_CAP]
+    return np.array(lengths), diverged
 
 
-def reached(lengths: NDArray[np.int64]) -> dict[str, float]:
+def next_ten(lengths: ArrayLike) -> NDArray[np.int64]:
+    """Those of the first ten episodes that begin once LEARNT steps have been driven."""
+    each = np.asarray(lengths)
+    return each[np.cumsum(each) - each >= LEARNT][:NEXT]
+
+
+def reached(lengths: ArrayLike) -> dict[str, float]:
     """Of the first ten episodes that begin once LEARNT steps have been driven: mean steps, and each cut at CUT."""
-    ten = lengths[np.cumsum(lengths) - lengths >= LEARNT][:NEXT]
+    ten = next_ten(lengths)
     return {"steps": float(ten.mean()), "cut": float(np.minimum(ten, CUT).mean())}
 
 
@@ -134,8 +126,7 @@ CHOICE = Choice(
     "simple-choice",
     "Which step size, start value and exploration suit the learner of a page? Six draws, by the steps of ten episodes "
     "after 2,000 steps of the environment.",
-    [settings(room, **drawn) for room in IN_ROOMS for drawn in _candidates()],
-    lambda one: one.room,
+    {room: [settings(room, **drawn) for drawn in _candidates()] for room in IN_ROOMS},
     measure=bar_on,
     seeds=range(10),
     then=range(10, 40),
@@ -147,16 +138,23 @@ PARTS = {"no replay": {"controller": "simple, no replay"}, "not centred": {"cont
 # --- What is judged ---------------------------------------------------------------------------------------------------
 
 
-@later(CHOICE.second)
-def in_paper() -> Study:
-    only = labelled([CHOICE.best(settings("paper"))])
-    return Study("simple", "The learner of a page in the paper's room.", only, ROBOTS[:1000], bar)
+IN_PAPER = study(
+    "simple",
+    "The learner of a page in the paper's room.",
+    lambda: labelled([CHOICE.best("paper")]),
+    ROBOTS[:1000],
+    bar,
+    needs=[CHOICE.second],
+)
 
-
-@later(CHOICE.second)
-def in_others() -> Study:
-    every = labelled(CHOICE.best(settings(room)) for room in IN_ROOMS[1:])
-    return Study("simple-rooms", "The learner of a page in two other rooms.", every, ROOM_ROBOTS, bar)
+IN_OTHERS = study(
+    "simple-rooms",
+    "The learner of a page in two other rooms.",
+    lambda: labelled(CHOICE.best(room) for room in IN_ROOMS[1:]),
+    ROOM_ROBOTS,
+    bar,
+    needs=[CHOICE.second],
+)
 
 
 def opponents(room: str) -> dict[str, Settings]:
@@ -164,17 +162,23 @@ def opponents(room: str) -> dict[str, Settings]:
     return {"form 2": drives.after(100, room=room), "standard": drives.after(100, varying.standard(room))}
 
 
-@later(varying.CHOICE.second)
-def others() -> Study:
-    every = labelled(one for room in IN_ROOMS for one in opponents(room).values())
-    return Study("simple-others", "Form 2 and standard Sarsa, looked at in the same way.", every, ROBOTS[:200], bar)
+OTHERS = study(
+    "simple-others",
+    "Form 2 and standard Sarsa, looked at in the same way.",
+    lambda: labelled(one for room in IN_ROOMS for one in opponents(room).values()),
+    ROBOTS[:200],
+    bar,
+    needs=[varying.CHOICE.second],
+)
 
-
-@later(CHOICE.second)
-def parts() -> Study:
-    every = labelled(CHOICE.best(settings(room)).with_changes(**part) for room in IN_ROOMS for part in PARTS.values())
-    return Study("simple-parts", "The learner of a page without one of its parts.", every, ROBOTS[:20], bar)
-
+WITHOUT_PARTS = study(
+    "simple-parts",
+    "The learner of a page without one of its parts.",
+    lambda: labelled(CHOICE.best(room).with_changes(**part) for room in IN_ROOMS for part in PARTS.values()),
+    ROBOTS[:20],
+    bar,
+    needs=[CHOICE.second],
+)
 
 COMPARISONS = 3 * len(IN_ROOMS)
 
@@ -193,17 +197,14 @@ def against_the_bar(robots: Any, shortest: float, chance: float, comparisons: in
         "frozen.soon": held(soon, 0.5),  # in the median: so does half of them
         "frozen.lost": held(robots.home == 0, LOST),
         "frozen.median": exact(float(robots.frozen.median()) / shortest),
-        "on.steps": estimate(robots.steps),
     }
 
 
-def beats(found: dict[str, Comparison], room: str) -> dict[str, bool]:
+def beats(found: dict[str, Comparison], room: str) -> tuple[bool, bool]:
     """Whether the learner is within the bar, learning on and frozen, with whole intervals."""
-    word = {name: found[f"{room}.simple.{name}"].verdict for name in ("on", "frozen.soon", "frozen.lost")}
-    return {
-        "on": word["on"] == "below" and found[f"{room}.simple.on.lost"].value == 0,
-        "frozen": word["frozen.soon"] == "above" and word["frozen.lost"] == "below",
-    }
+    on, soon, lost = (found[f"{room}.simple.{name}"].verdict for name in ("on", "frozen.soon", "frozen.lost"))
+    none_lost = found[f"{room}.simple.on.lost"].value == 0
+    return on == "below" and none_lost, soon == "above" and lost == "below"
 
 
 @question(
@@ -219,10 +220,10 @@ def beats(found: dict[str, Comparison], room: str) -> dict[str, bool]:
     interval (k = {COMPARISONS}: three rooms, three comparisons). The verdict counts rooms: "both in n of 3 rooms,
     learning on in m, frozen in l". Form 2 at the defaults and standard Sarsa (all weights updated, its best fixed
     lambda), looked at in the same way, stand beside it, and the learner without its parts.""",
-    in_paper,
-    in_others,
-    others,
-    parts,
+    IN_PAPER,
+    IN_OTHERS,
+    OTHERS,
+    WITHOUT_PARTS,
     UNLEARNT,
     learns.SHORTEST,
     order=9.7,
@@ -233,7 +234,7 @@ def simple(paper: Any, rooms: Any, others: Any, parts: Any, unlearnt: Any, ways:
         shortest = column(ways, "steps", room=room).mean()
         chance = column(unlearnt, "late", room=room, controller="random").mean()
         ours = rows(paper if room == "paper" else rooms, room=room)
-        chosen = CHOICE.best(settings(room))
+        chosen = CHOICE.best(room)
         every = {"simple": ours}
         every |= {who: rows(others, like=one) for who, one in opponents(room).items()}
         every |= {part: rows(parts, like=chosen.with_changes(**changes)) for part, changes in PARTS.items()}
@@ -242,9 +243,6 @@ def simple(paper: Any, rooms: Any, others: Any, parts: Any, unlearnt: Any, ways:
             found |= {f"{room}.{who}.{name}": one for name, one in held.items()}
             if who != "simple":
                 found[f"{room}.of {who}"] = compare_steps(ours.steps.iloc[: len(robots)], robots.steps)
-        found[f"{room}.shortest"] = exact(float(shortest))
-    counts = [beats(found, room) for room in IN_ROOMS]
-    on, frozen, both = (
-        sum(one) for one in zip(*((c["on"], c["frozen"], all(c.values())) for c in counts), strict=True)
-    )
-    return f"both in {both} of {len(IN_ROOMS)} rooms, learning on in {on}, frozen in {frozen}", found
+    on, frozen = np.array([beats(found, room) for room in IN_ROOMS]).T
+    both = (on & frozen).sum()
+    return f"both in {both} of {len(IN_ROOMS)} rooms, learning on in {on.sum()}, frozen in {frozen.sum()}", found

@@ -37,8 +37,8 @@ from homing_lib.study.questions import varying
 from homing_lib.study.questions.drives import after
 from homing_lib.study.questions.home import FAR_M, TURNED_DEG
 from homing_lib.study.robots import driver
-from homing_lib.study.runs import Columns, Study
-from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, later, rows, study
+from homing_lib.study.runs import Columns
+from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, rows, study
 
 HOMES = {
     "paper": [(0.85, 0.50, 0.0), (0.13, 0.88, radians(130)), (1.03, 0.14, radians(-30))],
@@ -209,23 +209,24 @@ def conditions(room: str) -> dict[str, Settings]:
     }
 
 
-@later(varying.CHOICE.second)
-def in_paper() -> Study:
-    return Study(
-        "tours",
-        "Tours of three homes in the paper's room, by three prioritisations: learning on, frozen, climb and random. By "
-        "the spread on seeds 0 to 11, these robots tell a ratio of 1.12 to the climb's steps (k = 6).",
-        labelled(conditions("paper").values()),
-        ROOM_ROBOTS,
-        toured,
-    )
+IN_PAPER = study(
+    "tours",
+    "Tours of three homes in the paper's room, by three prioritisations: learning on, frozen, climb and random. By "
+    "the spread on seeds 0 to 11, these robots tell a ratio of 1.12 to the climb's steps (k = 6).",
+    lambda: labelled(conditions("paper").values()),
+    ROOM_ROBOTS,
+    toured,
+    needs=[varying.CHOICE.second],
+)
 
-
-@later(varying.CHOICE.second)
-def in_workshop() -> Study:
-    every = labelled(conditions("workshop").values())
-    return Study("tours-workshop", "The same in the workshop.", every, ROOM_ROBOTS[:200], toured)
-
+IN_WORKSHOP = study(
+    "tours-workshop",
+    "The same in the workshop.",
+    lambda: labelled(conditions("workshop").values()),
+    ROOM_ROBOTS[:200],
+    toured,
+    needs=[varying.CHOICE.second],
+)
 
 APART = study(
     "tours-apart",
@@ -287,8 +288,6 @@ def compared(room: str, table: Any, legs: Any) -> dict[str, Comparison]:
             found[f"{key}.right"] = estimate(right[:, -LATE:].mean(axis=1))
             found[f"{key}.backwards"] = estimate(np.isin(goals[:, -LATE:], BACKWARDS).mean(axis=1))
             found[f"{key}.of shortest"] = compare_steps(ours, shortest_tours(goals, legs)[:, -LATE:].mean(axis=1))
-            if who != "random":
-                found[f"{key}.of random"] = compare_steps(ours, steps["random"])
             if who in ("form2", "standard"):
                 total = taken[who][:, : TOURS - LATE].sum(axis=1)
                 found[f"{key}.of climb"] = compare_steps(ours, steps["climb"], comparisons=k)
@@ -331,8 +330,8 @@ def verdict_on(found: dict[str, Comparison]) -> str:
     of these with all three; else the verdict counts those with which it is so, or is undecided, if there is
     none. Beside it: standard Sarsa, the workshop, random actions, the shortest tour, frozen networks, all steps
     of the first twenty tours, and surveys of their own.""",
-    in_paper,
-    in_workshop,
+    IN_PAPER,
+    IN_WORKSHOP,
     APART,
     SHORTEST,
     order=10,

@@ -30,8 +30,8 @@ from homing_lib.study.findings import (
 )
 from homing_lib.study.measures import totals, totals_of
 from homing_lib.study.rules import ResampledLambda
-from homing_lib.study.runs import Columns, Study, load_table
-from homing_lib.study.studies import ROBOTS, ROOMS, UNLEARNT, column, labelled, later, rows
+from homing_lib.study.runs import Columns, load_table
+from homing_lib.study.studies import ROBOTS, ROOMS, UNLEARNT, column, labelled, rows, study
 
 UPDATES = ("taken", "all")
 
@@ -65,23 +65,22 @@ CASES = [(room, update) for room in ROOMS for update in UPDATES]
 CHOICE = Choice(
     "varying-choice",
     "Which step size suits which rule of lambda, in which room and under which update?",
-    [
-        one
+    {
+        (room, update, rule): _at_all_step_sizes(room, update, rule)
         for room, update in CASES
         for rule in dict.fromkeys((*RULES_IN_ROOMS, *(VARYING.values() if room == "paper" else ())))
-        for one in _at_all_step_sizes(room, update, rule)
-    ],
+    },
 )
 
 
 def chosen(room: str, update: str, rule: str) -> Settings:
     """A rule at the step size that suits it best."""
-    return CHOICE.best(settings(room, update, rule))
+    return CHOICE.best((room, update, rule))
 
 
 def best_fixed(room: str, update: str) -> str:
     """The fixed lambda that took the fewest steps, each at its own best step size."""
-    return min(FIXED, key=lambda rule: CHOICE.score(settings(room, update, rule)))
+    return min(FIXED, key=lambda rule: CHOICE.score((room, update, rule)))
 
 
 def standard(room: str) -> Settings:
@@ -95,7 +94,7 @@ def standard(room: str) -> Settings:
 @cache
 def own_mean(room: str, update: str, rule: str) -> str:
     """The fixed lambda that a rule has on average, at its best step size."""
-    return f"fixed:{CHOICE.robots(settings(room, update, rule))['lambda'].mean():.2f}"
+    return f"fixed:{CHOICE.robots((room, update, rule))['lambda'].mean():.2f}"
 
 
 def _with_own_mean(room: str) -> list[str]:
@@ -105,19 +104,18 @@ def _with_own_mean(room: str) -> list[str]:
 OWN = Choice(
     "varying-own",
     "Which step size suits a fixed lambda at the mean that a varying one has?",
-    lambda: [
-        one
+    lambda: {
+        (room, update, rule): _at_all_step_sizes(room, update, own_mean(room, update, rule))
         for room, update in CASES
         for rule in _with_own_mean(room)
-        for one in _at_all_step_sizes(room, update, own_mean(room, update, rule))
-    ],
+    },
     needs=[CHOICE.second],
 )
 
 
 def chosen_own(room: str, update: str, rule: str) -> Settings:
     """That fixed lambda at the step size that suits it best."""
-    return OWN.best(settings(room, update, own_mean(room, update, rule)))
+    return OWN.best((room, update, rule))
 
 
 # --- Lambdas that know nothing of the step ----------------------------------------------------------------------------
@@ -132,20 +130,19 @@ def lambdas_met(now: Settings, seed: int) -> Columns:
     return {"met": met, "count": count.astype(float)}
 
 
-@later(CHOICE.second)
-def pool() -> Study:
-    return Study(
-        "varying-pool",
-        "Which lambdas has form 2, and how often? From these are drawn lambdas that know nothing of the step.",
-        labelled(chosen(room, update, FORM_2) for room, update in CASES),
-        range(20, 28),
-        lambdas_met,
-    )
+POOL = study(
+    "varying-pool",
+    "Which lambdas has form 2, and how often? From these are drawn lambdas that know nothing of the step.",
+    lambda: labelled(chosen(room, update, FORM_2) for room, update in CASES),
+    range(20, 28),
+    lambdas_met,
+    needs=[CHOICE.second],
+)
 
 
 @cache
 def pool_of(room: str, update: str) -> Any:
-    return rows(load_table(pool()), room=room, update=update)
+    return rows(load_table(POOL), room=room, update=update)
 
 
 def drawn(now: Settings, seed: int) -> Columns:
@@ -158,42 +155,38 @@ def drawn(now: Settings, seed: int) -> Columns:
 DRAWS = Choice(
     "varying-draws",
     "Which step size suits lambdas that are drawn from form 2's own?",
-    [one for room, update in CASES for one in _at_all_step_sizes(room, update, FORM_2)],
+    {(room, update): _at_all_step_sizes(room, update, FORM_2) for room, update in CASES},
     measure=drawn,
-    needs=[pool],
+    needs=[POOL],
 )
 
 # --- What is judged ---------------------------------------------------------------------------------------------------
 
 
-@later(OWN.second)
-def in_paper() -> Study:
-    return Study(
-        "varying",
-        "Form 2, the gates, the other forms and fixed lambdas in the paper's room, each at its own best step size.",
-        labelled(
-            one
-            for update in UPDATES
-            for one in (
-                *(chosen("paper", update, rule) for rule in dict.fromkeys((*RULES_IN_ROOMS, *VARYING.values()))),
-                *(chosen_own("paper", update, rule) for rule in VARYING.values()),
-            )
-        ),
-        ROBOTS,
-        totals,
-    )
+IN_PAPER = study(
+    "varying",
+    "Form 2, the gates, the other forms and fixed lambdas in the paper's room, each at its own best step size.",
+    lambda: labelled(
+        one
+        for update in UPDATES
+        for one in (
+            *(chosen("paper", update, rule) for rule in dict.fromkeys((*RULES_IN_ROOMS, *VARYING.values()))),
+            *(chosen_own("paper", update, rule) for rule in VARYING.values()),
+        )
+    ),
+    ROBOTS,
+    totals,
+    needs=[OWN.second],
+)
 
-
-@later(DRAWS.second)
-def in_paper_drawn() -> Study:
-    return Study(
-        "varying-drawn",
-        "Lambdas drawn from form 2's own in the paper's room, at their best step size.",
-        labelled(DRAWS.best(settings("paper", update, FORM_2)) for update in UPDATES),
-        ROBOTS,
-        drawn,
-    )
-
+IN_PAPER_DRAWN = study(
+    "varying-drawn",
+    "Lambdas drawn from form 2's own in the paper's room, at their best step size.",
+    lambda: labelled(DRAWS.best(("paper", update)) for update in UPDATES),
+    ROBOTS,
+    drawn,
+    needs=[DRAWS.second],
+)
 
 OPPONENTS = ("fixed0", "best", "draws", "gate")
 """Those that are judged together, under both updates: eight comparisons in a room."""
@@ -219,15 +212,22 @@ def lost(robots: Any, room: str, unlearnt: Any) -> Array:
     return np.asarray(((robots.diverged > 0) | (robots.late > at_random)).to_numpy(float))
 
 
-def _of_form_2(room: str, update: str, who: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
-    """Form 2 against another: total steps, and with episodes cut; late steps of the typical robot; who is lost."""
-    ours, theirs = (robots_of(one, room, update, table, draws) for one in ("form2", who))
-    found = {
-        "total": compare_steps(ours.total, theirs.total, comparisons=COMPARISONS if who in OPPONENTS else 0),
+def against(ours: Any, theirs: Any, room: str, unlearnt: Any, comparisons: int = 0) -> dict[str, Comparison]:
+    """Total steps of robots, rows of `totals`, as a multiple of others'; the same with episodes cut; late steps of the
+    typical robot; and who is lost.
+    """
+    return {
+        "total": compare_steps(ours.total, theirs.total, comparisons=comparisons),
         "cut": compare_steps(ours.cut, theirs.cut),
         "late": compare_steps(ours.late, theirs.late, iqm),
         "lost": compare_shares(lost(ours, room, unlearnt), lost(theirs, room, unlearnt)),
     }
+
+
+def _of_form_2(room: str, update: str, who: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Comparison]:
+    """Form 2 against another."""
+    ours, theirs = (robots_of(one, room, update, table, draws) for one in ("form2", who))
+    found = against(ours, theirs, room, unlearnt, COMPARISONS if who in OPPONENTS else 0)
     return {f"{room}.{update}.{who.replace(' of form2', '')}.{endpoint}": one for endpoint, one in found.items()}
 
 
@@ -248,7 +248,7 @@ def of_room(room: str, table: Any, draws: Any, unlearnt: Any) -> dict[str, Compa
 def detectable_ratio(room: str, update: str, robots: int) -> float:
     """The smallest ratio of total steps that so many robots would detect, said before they drive, by the choice."""
     ours, theirs = (
-        CHOICE.robots(settings(room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
+        CHOICE.robots((room, update, rule)).total.to_numpy(float) for rule in (FORM_2, best_fixed(room, update))
     )
     return smallest_ratio(ours, theirs, robots, COMPARISONS)
 
@@ -266,8 +266,8 @@ def helps(found: Mapping[str, Comparison], room: str) -> str:
     fixed lambda and than draws from its own lambdas; no, if against one of the three it takes the same or more; else
     undecided. Eight comparisons are judged together (k = 8): these, the gate, and all four where the weights of all
     actions are updated. Late steps, lost robots and the other opponents stand beside them.""",
-    in_paper,
-    in_paper_drawn,
+    IN_PAPER,
+    IN_PAPER_DRAWN,
     UNLEARNT,
     order=6,
 )

@@ -1,13 +1,9 @@
-"""Is learning worth it?
-
-Against the climb, which keeps to an action while the view comes closer to the snapshot, else draws one of the two
-others, and learns nothing. All episodes count, the first as well.
-"""
+"""Is learning worth it? All episodes count, against the climb, which learns nothing."""
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby, product
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +23,7 @@ from homing_lib.study.findings import (
     question,
     verdict_of,
 )
-from homing_lib.study.measures import TRIAL_STEPS, rows_after, starts_everywhere
+from homing_lib.study.measures import TRIAL_STEPS, after_learning, starts_everywhere
 from homing_lib.study.questions import drives, rooms, varying
 from homing_lib.study.robots import Kidnapped, driver
 from homing_lib.study.runs import Columns, episode_matrix
@@ -87,18 +83,11 @@ well."""
 FROM_START = 5  # trials of each kind from the room's start
 
 
-class Trial(NamedTuple):
-    """An episode of a robot that has learnt: who is tried, whence, its steps (at most 2,000), and if it came home."""
-
-    kind: str
-    start: Pose
-    steps: int
-    home: bool
-
-
-def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kinds: Sequence[str]) -> Iterator[Trial]:
+def trials(
+    settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kinds: Sequence[str]
+) -> Iterator[tuple[str, Pose, int, bool]]:
     """Of each kind, one from each place of the room, its heading drawn anew for each seed, then five from the room's
-    start.
+    start: the kind, whence, steps (at most 2,000), and whether it came home.
     """
     drawn = np.random.default_rng([seed, 4])
     everywhere = [pose._replace(heading=drawn.uniform(-pi, pi)) for pose in starts_everywhere(env)]
@@ -113,45 +102,37 @@ def trials(settings: Settings, env: HomingEnv, agent: SarsaAgent, seed: int, kin
             for start in [*(everywhere[place] for place in order), *FROM_START * [env.room.start]]:
                 robot.begin_episode(settings.episodes + 1)
                 path, home = run_episode(world, robot, {"start": start})
-                yield Trial(kind, start, len(path), home)
+                yield kind, start, len(path), home
 
 
-def placed(settings: Settings, seed: int) -> Columns:
+@after_learning("kind", "steps", "cut", "median", "soon", "home", "start_steps")
+def placed(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
     """Trials from everywhere and from the start, summed up. One row for each kind, `kind`, its place in KINDS.
 
     From everywhere: mean `steps` of at most 2,000; the same cut at TRIAL_STEPS, `cut`; `median` steps; shares `soon`,
     home within TRIAL_STEPS, and `home`, within 2,000. From the start: mean steps, `start_steps`.
     """
-    names = ("kind", "steps", "cut", "median", "soon", "home", "start_steps")
-
-    def summed_up(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        kinds = KINDS if settings.start == "room" else EXTENDED
-        for kind, some in groupby(trials(settings, env, agent, seed, kinds), lambda one: one.kind):
-            taken, reached = np.array([(one.steps, one.home) for one in some], dtype=float).T
-            steps, home = taken[:-FROM_START], reached[:-FROM_START]
-            cut = np.minimum(steps, TRIAL_STEPS)
-            soon = home * (steps <= TRIAL_STEPS)
-            means = (steps.mean(), cut.mean(), np.median(steps), soon.mean(), home.mean(), taken[-FROM_START:].mean())
-            yield (KINDS.index(kind), *map(float, means))
-
-    return rows_after(settings, seed, names, summed_up)
+    kinds = KINDS if settings.start == "room" else EXTENDED
+    for kind, some in groupby(trials(settings, env, agent, seed, kinds), lambda one: one[0]):
+        taken, reached = np.array([(steps, home) for _, _, steps, home in some], dtype=float).T
+        steps, home = taken[:-FROM_START], reached[:-FROM_START]
+        cut = np.minimum(steps, TRIAL_STEPS)
+        soon = home * (steps <= TRIAL_STEPS)
+        means = (steps.mean(), cut.mean(), np.median(steps), soon.mean(), home.mean(), taken[-FROM_START:].mean())
+        yield (KINDS.index(kind), *map(float, means))
 
 
 MAPPED = ("restored", "frozen", "climb", "random")
 
 
-def mapped(settings: Settings, seed: int) -> Columns:
+@after_learning("kind", "x", "y", "steps", "home")
+def mapped(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
     """The trials of `placed` one by one, of those who are drawn on a map: `kind`, `x`, `y` (m), `steps`, and `home`,
     within TRIAL_STEPS.
     """
-    names = ("kind", "x", "y", "steps", "home")
-
-    def one_by_one(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        for kind, start, steps, home in trials(settings, env, agent, seed, MAPPED):
-            if start != env.room.start:
-                yield KINDS.index(kind), start.x, start.y, steps, home and steps <= TRIAL_STEPS
-
-    return rows_after(settings, seed, names, one_by_one)
+    for kind, start, steps, home in trials(settings, env, agent, seed, MAPPED):
+        if start != env.room.start:
+            yield KINDS.index(kind), start.x, start.y, steps, home and steps <= TRIAL_STEPS
 
 
 PLACED = study(
@@ -182,30 +163,25 @@ LIGHTS = (0.97, 1.0, 1.03)
 _KIDNAPPED_AT = 8
 
 
-def carried(settings: Settings, seed: int) -> Columns:
+@after_learning("learning", "bright", "kidnapped", "steps", "home")
+def carried(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
     """At 40 random free poses, in three lights: an episode that begins there; and, as learnt, one in which the robot is
     carried there after eight steps from the room's start. Learning on (weights restored for each trial), and frozen.
 
     One row each: `learning` (1 or 0), `bright` (the light), `kidnapped`, and means: `steps` from there, at most
     TRIAL_STEPS, and `home`.
     """
-    names = ("learning", "bright", "kidnapped", "steps", "home")
-
-    def means(env: HomingEnv, agent: Any) -> Iterator[tuple[float, ...]]:
-        rng = np.random.default_rng([seed, 4])
-        poses = [free_pose(env.world, env.room, rng) for _ in range(40)]
-        saved = agent.learner.weights.copy()
-        for kind in ("restored", "frozen"):
-            for light, kidnapped in [*((light, False) for light in LIGHTS), (1.0, True)]:
-                robot = driver(kind, agent, settings, saved, np.random.default_rng([seed, 5]))
-                cap = TRIAL_STEPS + _KIDNAPPED_AT * kidnapped
-                now = settings.with_changes(light=light, max_steps=cap)
-                with HomingEnv(now, observation="features", model=env.model) as world:
-                    world.reset(seed=seed)
-                    ends = [way_home(world, robot, settings, pose, kidnapped) for pose in poses]
-                yield (kind == "restored", light, kidnapped, *np.mean(ends, axis=0))
-
-    return rows_after(settings, seed, names, means)
+    rng = np.random.default_rng([seed, 4])
+    poses = [free_pose(env.world, env.room, rng) for _ in range(40)]
+    saved = agent.learner.weights.copy()
+    for kind in ("restored", "frozen"):
+        for light, kidnapped in [*((light, False) for light in LIGHTS), (1.0, True)]:
+            robot = driver(kind, agent, settings, saved, np.random.default_rng([seed, 5]))
+            now = settings.with_changes(light=light, max_steps=TRIAL_STEPS + _KIDNAPPED_AT * kidnapped)
+            with HomingEnv(now, observation="features", model=env.model) as world:
+                world.reset(seed=seed)
+                ends = [way_home(world, robot, settings, pose, kidnapped) for pose in poses]
+            yield (kind == "restored", light, kidnapped, *np.mean(ends, axis=0))
 
 
 def way_home(world: HomingEnv, robot: Any, settings: Settings, pose: Pose, kidnapped: bool) -> tuple[float, bool]:
