@@ -22,8 +22,6 @@ SAME = 1.1
 
 SAME_SHARE = 0.02  # and shares that differ by no more than this
 
-normal_quantile = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
-
 Word = Literal["the same", "fewer", "more", "undecided"]
 Statistic = Callable[[Array, Array], Array]
 
@@ -137,15 +135,11 @@ def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), eq
     return "fewer" if interval.high < equal else "more" if interval.low > equal else "undecided"
 
 
-def detectable(error: float, comparisons: int = 1) -> float:
-    """The smallest true difference that intervals tell from none in 80 of 100 studies. error: its standard error."""
-    return (normal_quantile(1 - 0.025 / comparisons) + normal_quantile(0.8)) * error
-
-
 def smallest_ratio(ours: Array, theirs: Array, robots: int, comparisons: int = 1) -> float:
-    """The smallest ratio of means that so many robots would detect, judged by the spread of others.
+    """The smallest ratio of means that so many robots would tell from 1 in 80 of 100 studies, by the spread of others.
 
     ours, theirs: steps of those others, one per robot, seeds in order. comparisons: as in `bootstrap`.
     """
     error = np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots)  # of the ratio's logarithm
-    return float(np.exp(detectable(error, comparisons)))
+    quantile = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
+    return float(np.exp((quantile(1 - 0.025 / comparisons) + quantile(0.8)) * error))

@@ -8,7 +8,6 @@ question that they answer (`questions/`).
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from graphlib import TopologicalSorter
 from importlib import import_module
-from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
@@ -200,11 +199,10 @@ FINALISTS = study(
 )
 
 
-def load_questions() -> list[Path]:
-    """Import every file of `questions/`, which lists its studies and judges; return the files."""
-    found = sorted(iter_modules(questions.__path__), key=lambda one: one.name)
-    modules = [import_module(f"{questions.__name__}.{one.name}") for one in found]
-    return [Path(str(module.__file__)) for module in modules]
+def load_questions() -> None:
+    """Import every file of `questions/`, which lists its studies and judges."""
+    for one in iter_modules(questions.__path__):
+        import_module(f"{questions.__name__}.{one.name}")
 
 
 def in_order() -> Iterator[Study]:
