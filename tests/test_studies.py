@@ -197,7 +197,7 @@ def test_what_is_seen_after_learning_is_a_table_and_the_measure_has_the_name_by_
 
     table = {name: list(values) for name, values in seen(SMALL, 7).items()}
     assert table == {"episodes": [1, 1], "seed": [7, 3 * SMALL.n_features]}
-    assert Study("seen", "Why?", {"all": SMALL}, range(2), seen).measured == "seen"
+    assert Study("seen", "Why?", {"all": SMALL}, range(2), seen).definition()["measure"] == "seen"
 
 
 def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsewhere_in_every_episode():

@@ -22,10 +22,9 @@ from homing_lib import agent, parallel
 from homing_lib.atlas import open_atlas
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.rooms import room_named
-from homing_lib.settings import Settings
-from homing_lib.storage import npz_bytes, read_arrays, read_bytes, write_bytes
+from homing_lib.storage import npz_bytes, read_arrays, write_bytes
 from homing_lib.study import runs, studies
-from homing_lib.study.runs import Job, Measure, Study, check, is_current, read_manifest, sha256
+from homing_lib.study.runs import Job, Measure, Study, is_current, read_manifest, sha256
 
 Kept = dict[int, Any]
 """Of runs of a job, by seed: the rows of their table; of a complete run the bytes of its file."""
@@ -76,7 +75,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
     if not force and is_current(study):
         return 0
     before, jobs = read_manifest(study), study.jobs()
-    kept = {job.path: _read(study, job, {} if force else before) for job in jobs}
+    kept = {job.path: _read(study, job) if study.measure else {} for job in jobs}
     todo = [
         job._replace(seeds=left)
         for job in jobs
@@ -116,15 +115,8 @@ def _rows(columns: runs.Columns) -> Any:
 # --- What is kept -----------------------------------------------------------------------------------------------------
 
 
-def _read(study: Study, job: Job, manifest: Mapping[str, Any]) -> Kept:
-    """What is kept in a job's file. Raises DamagedFile for a complete run of another checksum than its manifest's; a
-    block that is damaged, or by another version of the library, counts as none.
-    """
-    if study.measure is None:
-        if job.path.name not in manifest.get("sha256", {}) or not job.path.exists():
-            return {}
-        check(job.path, manifest)
-        return {job.seeds[0]: read_bytes(job.path)}
+def _read(study: Study, job: Job) -> Kept:
+    """What is kept in a job's block; one that is damaged, or by another version of the library, counts as none."""
     with suppress(FileNotFoundError, DamagedFile):
         about, arrays = read_arrays(job.path)
         if _about(study, job).items() <= about.items():
@@ -146,12 +138,9 @@ def _about(study: Study, job: Job) -> dict[str, Any]:
 
 def _table(study: Study, kept: Mapping[Path, Kept]) -> bytes:
     """All runs as one table of 32-bit numbers, in the order of the study."""
-    of_condition: dict[Settings, Kept] = {}
-    for job in study.jobs():
-        of_condition.setdefault(job.settings, {}).update(kept[job.path])
-    of_label = {label: of_condition[settings] for label, settings in study.conditions.items()}
+    rows_of = {(job.settings, seed): its for job in study.jobs() for seed, its in kept[job.path].items()}
     keys = [(label, seed) for label in study.conditions for seed in study.seeds]
-    parts = [of_label[label][seed] for label, seed in keys]
+    parts = [rows_of[study.conditions[label], seed] for label, seed in keys]
     rows, lengths = np.concatenate(parts), [len(part) for part in parts]
     labels = np.array([label for label, _ in keys], dtype=object)
     seeds = np.array([seed for _, seed in keys], dtype=np.int32)
