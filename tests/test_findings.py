@@ -132,7 +132,7 @@ def test_a_name_that_there_is_not_is_refused_with_what_there_is_and_the_nearest(
     findings.judge_all()
     with pytest.raises(UserError, match=r"^'flys': no such question or claim; there are flies, C2.*did you mean flies"):
         findings.finding("flys")
-    with pytest.raises(KeyError, match=r"flies: no comparison 'step'.*did you mean steps"):
+    with pytest.raises(UserError, match=r"flies: no comparison 'step'.*did you mean steps"):
         findings.finding("flies")["step"]
     with pytest.raises(ValueError, match="flies is judged already, in asked_here"):
         findings.question("flies", "Does it?", "No.")(test_a_question_is_judged_stored_and_read_back)

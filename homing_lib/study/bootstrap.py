@@ -8,7 +8,7 @@ interval is that of 1 - .05/k (Bonferroni), so that with 95 % certainty all of t
 from collections.abc import Callable
 from functools import cache
 from statistics import NormalDist
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,6 @@ SAME = 1.1
 
 SAME_SHARE = 0.02  # and shares that differ by no more than this
 
-Word = Literal["the same", "fewer", "more", "undecided"]
 Statistic = Callable[[Array, Array], Array]
 
 
@@ -40,9 +39,8 @@ class Interval(NamedTuple):
 @cache
 def draws(robots: int) -> Array:
     """How often each robot is drawn in each resample, shape (RESAMPLES, robots): the same for all that is estimated."""
-    counts: Array = (
-        np.random.default_rng(0).multinomial(robots, np.full(robots, 1 / robots), size=RESAMPLES).astype(np.float64)
-    )
+    rng = np.random.default_rng(0)
+    counts: Array = rng.multinomial(robots, np.full(robots, 1 / robots), size=RESAMPLES).astype(np.float64)
     counts.flags.writeable = False
     return counts
 
@@ -126,7 +124,7 @@ def pooled(pairs: list[tuple[Array, Array]]) -> Interval:
     return bootstrap(estimate, len(pairs[0][0]))
 
 
-def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
+def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> str:
     """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`; else
     undecided: these robots do not settle it.
     """

@@ -77,6 +77,12 @@ def compare_to_first(numbers: Mapping[str, Array], statistic: Statistic = mean) 
     return {label: compare_steps(ours, first, statistic) for label, ours in others}
 
 
+def against_first(compared: Mapping[str, Comparison], label: str) -> tuple[str, str]:
+    """Of those, a ratio to the first with its interval as a text, and its word; the first is 1."""
+    one = compared.get(label)
+    return (f"{one:.2f}", one.verdict) if one else ("1", "")
+
+
 def compare_shares(ours: ArrayLike, theirs: ArrayLike, *, comparisons: int = 0) -> Comparison:
     """By how much one share exceeds another; each robot's own, or whether it is so."""
     difference = np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float)
@@ -188,9 +194,9 @@ class Finding:
         return questions()[self.name]
 
     def __getitem__(self, name: str) -> Comparison:
-        """A comparison, by its name."""
+        """A comparison, by its name. Raises UserError if there is none."""
         if name not in self.comparisons:
-            raise KeyError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
+            raise UserError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
         return self.comparisons[name]
 
     def __str__(self) -> str:
