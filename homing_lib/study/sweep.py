@@ -30,14 +30,12 @@ Kept = dict[int, Any]
 """Of runs of a job, by seed: the rows of their table; of a complete run the bytes of its file."""
 
 
-def compute(
-    names: Sequence[str] = (), *, workers: int = -1, cluster: str | None = None, force: bool = False
-) -> Iterator[tuple[Study, int]]:
+def compute(names: Sequence[str] = (), *, workers: int = -1, force: bool = False) -> Iterator[tuple[Study, int]]:
     """Compute what is missing of all studies, or of those that are named: each, and how many runs it took.
 
     Runs that several studies ask for are computed once; what is deep only if it is named, else it must be there.
-    workers, cluster: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises
-    UserError outside a clone, for a name that no study has, and for a deep study that is not there.
+    workers: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises UserError
+    outside a clone, for a name that no study has, and for a deep study that is not there.
     """
     runs.require_clone()
     _require_known(names)
@@ -52,7 +50,7 @@ def compute(
             for path in {job.path for job in study.jobs()} - anew:  # but for what another has just computed
                 path.unlink(missing_ok=True)
                 anew.add(path)
-        yield study, sweep(study, workers=workers, cluster=cluster, force=force)
+        yield study, sweep(study, workers=workers, force=force)
 
 
 def _require_known(names: Sequence[str]) -> None:
@@ -63,12 +61,11 @@ def _require_known(names: Sequence[str]) -> None:
             raise UserError(f"study {shown(name)}: there is none of this name; `homing studies` lists them{like}")
 
 
-def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
+def sweep(study: Study, *, workers: int = -1, force: bool = False) -> int:
     """Compute what is missing of a study, and store it. Returns how many runs were computed.
 
-    workers, cluster: see `parallel.results`; force: even if all is stored; of what was measured, blocks in
-    `runs.SCRATCH` are still used. Raises UserError if a stored file is damaged or cannot be written, or if workers are
-    lost.
+    workers: see `parallel.results`; force: even if all is stored; of what was measured, blocks in `runs.SCRATCH` are
+    still used. Raises UserError if a stored file is damaged or cannot be written, or if workers are lost.
     """
     for folder in (study.folder, runs.DATA):
         runs.remove_leftovers(folder)
@@ -88,7 +85,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         with tqdm(total=count, desc=f"{study.name}: runs", unit="run") as bar:
             calls = [(study.measure, job) for job in todo]
-            for job, computed in parallel.results(_compute, calls, workers=workers, cluster=cluster):
+            for job, computed in parallel.results(_compute, calls, workers=workers):
                 kept[job.path] |= computed
                 if study.measure:
                     write_bytes(job.path, _block(study, job, kept[job.path]))
@@ -101,7 +98,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
 
 
 def _compute(measure: Measure | None, job: Job) -> tuple[Job, Kept]:
-    """The runs of a job, in whichever process, on whichever machine."""
+    """The runs of a job, in whichever process."""
     if measure is None:
         return job, {seed: runs.content_of(agent.run(job.settings, seed)) for seed in job.seeds}
     return job, {seed: _rows(measure(job.settings, seed)) for seed in job.seeds}
