@@ -1,8 +1,6 @@
-"""Processes: calls on all cores or on a cluster, a Ctrl-C that stops them cleanly, and no noise about either."""
+"""Processes: calls on all cores, a Ctrl-C that stops them cleanly, and no noise about either."""
 
-import asyncio
 import gc
-import logging
 import multiprocessing.resource_tracker
 import os
 import signal
@@ -11,9 +9,8 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -24,38 +21,24 @@ from joblib.externals.loky.backend import resource_tracker
 
 from homing_lib.errors import RESUMES, UserError
 
-PATIENCE_S = 5  # in which a Dask scheduler answers
 
-
-def results(
-    function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], *, workers: int = -1, cluster: str | None = None
-) -> Iterator[Any]:
+def results(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], *, workers: int = -1) -> Iterator[Any]:
     """What the function returns for each job, a tuple of its arguments, as soon as it is done.
 
-    workers: processes on this machine, -1 for one per core; cluster: address of a Dask scheduler to use instead. Raises
-    UserError if no scheduler answers, or when workers are lost.
+    workers: processes on this machine, -1 for one per core. Raises UserError when workers are lost.
     """
     quieten()
-    client = _connected(cluster) if cluster is not None else None
     how: dict[str, Any] = {"n_jobs": min(workers, len(jobs)), "initializer": init_worker, "initargs": (os.getpid(),)}
     done: Any = None
     try:
-        with _interrupts_later(), joblib.parallel_config("dask", client=client) if client else nullcontext():
-            parallel = joblib.Parallel(return_as="generator_unordered", **({} if client else how))
+        with _interrupts_later():
+            parallel = joblib.Parallel(return_as="generator_unordered", **how)
             done = parallel(joblib.delayed(function)(*job) for job in jobs)
         yield from done
     except BrokenProcessPool:
         raise UserError(f"a worker process was killed (too little memory?); {RESUMES}") from None
-    except CancelledError:
-        raise UserError(f"--cluster {cluster}: the connection to the Dask scheduler was lost; {RESUMES}") from None
-    except Exception as error:
-        if type(error).__name__ != "KilledWorker":  # of `distributed`, which is slow to import
-            raise
-        raise UserError(f"--cluster {cluster}: workers keep dying of the same run; {RESUMES}") from None
     finally:
         del done  # which stops what still goes on
-        if client:
-            client.close()
 
 
 def init_worker(parent: int) -> None:
@@ -93,26 +76,6 @@ def _interrupts_later() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
     if came and callable(before):
         before(*came[0])
-
-
-def _connected(address: str) -> Any:
-    """A client of the Dask scheduler there. Raises UserError if none answers within some seconds."""
-    from distributed import Client
-    from distributed.core import rpc
-
-    async def kind() -> str:
-        async with rpc(address, timeout=PATIENCE_S) as there:
-            return str((await there.identity())["type"])
-
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it would say at length is said here
-    try:
-        # Asked first, since a client waits for ever for a server that is no scheduler.
-        if (what := asyncio.run(asyncio.wait_for(kind(), 1.6 * PATIENCE_S))) != "Scheduler":
-            raise OSError(f"a {what} does")
-        return Client(address, timeout=PATIENCE_S, set_as_default=False)
-    except Exception as error:  # addresses and servers of other kinds raise what they like
-        why = " ".join(str(error).split())[:120] or "what is there does not speak as one"
-        raise UserError(f"--cluster {address}: no Dask scheduler answers there ({why})") from None
 
 
 # --- Left unsaid ------------------------------------------------------------------------------------------------------

@@ -47,8 +47,6 @@ ENDLESS = [*HOMING, *RUN, "--set=episodes=100000"]
         (["data", "headlin"], ("'headlin'", "`homing studies`", "did you mean headline?")),
         (["data", "headline", "--workers", "0"], ("--workers", "-1")),
         (["data", "headline", "--workers", "1000000"], ("--workers", "1000000", "x<=")),
-        (["data", "--workers", "1", "--cluster", "tcp://there"], ("--workers", "--cluster")),
-        (["data", "headline", "--cluster", ""], ("--cluster", "empty")),
         (["data", "headline", "--stamp", "x"], ("--stamp", "NAME")),
         (["claims", "C8", "varing"], ("'varing'", "did you mean varying?")),
         (["errata", "E3", "E99"], ("'E99'", "E1 to E")),
@@ -144,7 +142,7 @@ def two_studies(tmp_path, monkeypatch):
     asked = []
 
     def swept(study, **options):
-        asked.append((study.name, {name: value for name, value in options.items() if value not in (-1, None, False)}))
+        asked.append((study.name, {name: value for name, value in options.items() if value not in (-1, False)}))
         return 7
 
     listed = [Study(name, "Why.", {"all": Settings(**TINY)}, range(3)) for name in ("one", "two")]
@@ -170,11 +168,10 @@ def test_all_data_are_swept_in_order_and_then_judged(two_studies, tmp_path):
 def test_the_data_of_names_are_swept_alone_if_all_are_known(two_studies, capsys):
     assert main(["data", "two", "--workers", "2"]) == 0
     assert capsys.readouterr().out == "two: 7 runs computed, 3 stored\n"
-    assert main(["data", "two", "one", "--cluster", "tcp://there"]) == 0
+    assert main(["data", "two", "one"]) == 0
     assert main(["data", "tow", "one"]) == 1
     assert "did you mean two?" in capsys.readouterr().err
-    there = {"cluster": "tcp://there"}
-    assert two_studies == [("two", {"workers": 2}), ("one", there), ("two", there)]
+    assert two_studies == [("two", {"workers": 2}), ("one", {}), ("two", {})]
 
 
 INSTALLED = """

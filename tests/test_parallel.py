@@ -1,9 +1,7 @@
-"""Processes are killed and interrupted, clusters fall apart: one line says so, nothing is lost, nobody is left."""
+"""Processes are killed and interrupted: one line says so, nothing is lost, nobody is left."""
 
-import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -13,9 +11,8 @@ import pytest
 from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
 from homing_lib import parallel
-from homing_lib.errors import RESUMES, UserError
+from homing_lib.errors import RESUMES
 from tests.kills import (
-    ROOT,
     STUDY,
     contents,
     leftovers,
@@ -110,74 +107,6 @@ def test_an_interrupt_while_workers_are_started_is_late_but_not_lost(monkeypatch
     with pytest.raises(KeyboardInterrupt):
         list(parallel.results(napped, [(0.1,)] * 4, workers=2))
     assert came == ["started"]
-
-
-# --- A cluster --------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
-    """The address of a Dask scheduler, its process, and its two workers: one of one thread, one of two."""
-    folder = tmp_path_factory.mktemp("cluster")
-    described, processes = folder / "scheduler.json", []
-
-    def dask(*arguments):
-        command = [sys.executable, "-m", "dask", *arguments, "--host", "127.0.0.1", "--no-dashboard"]
-        command += ["--scheduler-file", str(described)]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        processes.append(subprocess.Popen(command, cwd=ROOT, start_new_session=True, **quiet))
-
-    try:
-        dask("scheduler", "--port", "0")
-        for threads in ("1", "2"):
-            dask("worker", "--nthreads", threads, "--no-nanny", "--local-directory", str(folder))
-        wait_for(lambda: described.exists() and described.read_text().endswith("}"))
-        yield json.loads(described.read_text())["address"], *processes
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
-def test_a_cluster_that_loses_a_worker_in_mid_sweep_stores_the_same_bytes_as_this_machine_alone(
-    tmp_path, cluster, whole
-):
-    address, _, worker, _ = cluster
-    with started(tmp_path, "--cluster", address) as process:
-        wait_for(lambda: written(tmp_path))
-        worker.kill()
-        found = len(written(tmp_path))
-        output, errors = process.communicate(timeout=120)
-    assert found < len(STUDY.jobs())
-    assert process.returncode == 0, errors
-    assert output == "small: 10 runs computed, 10 stored\n"
-    assert contents(tmp_path) == whole
-
-
-def test_a_cluster_that_loses_its_scheduler_says_so_in_one_line_and_what_was_finished_is_kept(tmp_path, cluster):
-    address, scheduler, *_ = cluster
-    with started(tmp_path, "--cluster", address) as process:
-        wait_for(lambda: written(tmp_path))
-        scheduler.kill()
-        _, errors = process.communicate(timeout=120)
-    lost = f"homing: --cluster {address}: the connection to the Dask scheduler was lost; {RESUMES}"
-    assert (process.returncode, said(errors)) == (1, [lost])
-    assert 0 < len(written(tmp_path)) < len(STUDY.jobs())
-    assert not leftovers(tmp_path)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:{closed}", "tcp://127.0.0.1:{silent}", "tls://x:1", "no", ""])
-def test_an_address_without_a_scheduler_is_refused_in_one_line(address, monkeypatch):
-    monkeypatch.setattr(parallel, "PATIENCE_S", 1)
-    with socket.socket() as silent, socket.socket() as closed:
-        silent.bind(("127.0.0.1", 0))
-        silent.listen()  # takes whoever comes, and never says a word
-        closed.bind(("127.0.0.1", 0))
-        address = address.format(silent=silent.getsockname()[1], closed=closed.getsockname()[1])
-        with pytest.raises(UserError) as error:
-            list(parallel.results(napped, [(0.0,)], cluster=address))
-    assert str(error.value).startswith(f"--cluster {address}: no Dask scheduler answers there (")
-    assert "\n" not in str(error.value)
 
 
 # --- Left unsaid ------------------------------------------------------------------------------------------------------

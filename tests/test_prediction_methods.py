@@ -186,8 +186,9 @@ def test_hl_has_after_each_walk_the_mean_of_what_its_visits_were_paid_and_of_a_0
     paid, visits, learner = np.zeros(19), np.ones(19), HL(19, lambda_=1, discount=1)
     for states in walk.walks(3):
         walk.follow(learner, states)
-        np.add.at(visits, states[:-1], 1)
-        np.add.at(paid, states[:-1], np.sign(states[-1] - 9))
+        *inside, beyond = states
+        np.add.at(visits, inside, 1)
+        np.add.at(paid, inside, np.sign(beyond - 9))
         np.testing.assert_allclose(learner.weights, paid / visits, atol=1e-12)
 
 

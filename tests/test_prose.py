@@ -69,7 +69,7 @@ def test_a_number_is_written_by_its_format(name, text, found):
     ("text", "words"),
     [
         (r"\num{varing.paper.total}", ("'varing'", "varying, C8", "did you mean varying?")),
-        (r"\num{varying.paper.totl}", ("varying.paper.totl", "did you mean paper.total?")),
+        (r"\num{varying.paper.totl}", ("varying: ", "'paper.totl'", "did you mean paper.total?")),
         (r"\num{varying}", ("varying",)),
         (r"\num{varying.steps|nice}", ("varying.steps|nice", "pct")),
         (r"It helps. \pin{varying}", ("report.tex: ", "'varying'", "=")),

@@ -9,18 +9,16 @@ from hypothesis import strategies as st
 
 from homing_lib.lambdas import TAKES_AND_RETURNS, polak_ribiere
 from homing_lib.sarsa import Diverged, LinearQ, LinearSarsa, decayed, dutch, td_error
-from homing_lib.study.theorem import ConjugateTD
 from homing_lib.td import LinearTD, TrueOnlineTD
 
 CONTROL = (LinearSarsa, LinearQ)
-LEARNERS = (*CONTROL, LinearTD, TrueOnlineTD, ConjugateTD)
+LEARNERS = (*CONTROL, LinearTD, TrueOnlineTD)
 every_learner = pytest.mark.parametrize("cls", LEARNERS)
 
 
 def make(cls=LinearSarsa, n=2, actions=2, rule="fletcher-reeves", **changes):
     shape = (n, actions) if cls in CONTROL else (n,)
-    setting = {"step_size": 0.1, "discount": 1.0} | ({} if cls is ConjugateTD else {"lambda_rule": rule})
-    return cls(*shape, **setting | changes)
+    return cls(*shape, **{"step_size": 0.1, "discount": 1.0, "lambda_rule": rule} | changes)
 
 
 def step(learner, phi, reward, phi_next, action=0, next_action=0, **how):
@@ -146,7 +144,7 @@ def test_after_a_terminal_step_nothing_follows_and_none_may_say_so(cls):
 @pytest.mark.parametrize("rule", ["fixed:0.9", "fletcher-reeves:unclipped"])
 def test_weights_that_leave_the_finite_numbers_raise_an_error_that_says_when_and_with_what(cls, rule):
     learner = make(cls, rule=rule, step_size=50.0, discount=0.9)
-    name = rule if cls is not ConjugateTD and rule.startswith("fixed") else "fletcher_reeves"
+    name = rule if rule.startswith("fixed") else "fletcher_reeves"
     with np.errstate(all="raise"), pytest.raises(Diverged) as outcome:
         while learner.steps < 10_000:
             assert np.isfinite(learner.weights).all()

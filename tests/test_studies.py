@@ -5,6 +5,7 @@ import subprocess
 import sys
 from itertools import pairwise
 from math import pi
+from pkgutil import iter_modules
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from homing_lib.robot import drive
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
-from homing_lib.study import findings, measures, runs, studies, sweep
+from homing_lib.study import findings, measures, questions, runs, studies, sweep
 from homing_lib.study.questions import learns, printed
 from homing_lib.study.robots import Kidnapped
 from homing_lib.study.runs import DATA, Study, load_table
@@ -66,7 +67,7 @@ def test_a_new_file_is_found_without_a_list_elsewhere_whichever_is_imported_firs
         "for name in sys.argv[:1:-1]: import_module(f'homing_lib.study.questions.{name}')\n"
         "print(findings.questions()['flies'].studies[0].name, *(study.name for study in studies.in_order()))"
     )
-    names = [file.stem for file in studies.load_questions()]
+    names = [one.name for one in iter_modules(questions.__path__)]
     command = [sys.executable, "-c", program, str(tmp_path), *names]
     asked, *listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     assert asked in listed
@@ -196,7 +197,7 @@ def test_what_is_seen_after_learning_is_a_table_and_the_measure_has_the_name_by_
 
     table = {name: list(values) for name, values in seen(SMALL, 7).items()}
     assert table == {"episodes": [1, 1], "seed": [7, 3 * SMALL.n_features]}
-    assert Study("seen", "Why?", {"all": SMALL}, range(2), seen).measured == "seen"
+    assert Study("seen", "Why?", {"all": SMALL}, range(2), seen).definition()["measure"] == "seen"
 
 
 def test_a_kidnapped_robot_drives_some_steps_undisturbed_and_the_next_from_elsewhere_in_every_episode():

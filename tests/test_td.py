@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_lib.lambdas import RULES, Fixed, fletcher_reeves
-from homing_lib.study.theorem import ConjugateTD, distance_from_cg
+from homing_lib.study.theorem import distance_from_cg
 from homing_lib.td import LinearTD, TrueOnlineTD
 
 FORMS = ("hestenes-stiefel", "fletcher-reeves", "polak-ribiere")
@@ -49,22 +49,21 @@ def test_conjugate_gradient_and_trace_agree_until_the_first_clip_and_the_clip_is
     # The less features and rewards vary, the longer lambda stays in the unit interval.
     x, r = random_stream(seed)
     x, r = 1 + variety * x, 1 + variety * r
-    raw = [0.0]
-    by_trace = make(n=8, step_size=1e-3, discount=discount, rule=lambda **s: raw.append(RULES[form](**s)) or raw[-1])
-    by_gradient = ConjugateTD(8, step_size=1e-3, discount=discount, form=form)
+    raw, deltas = [0.0], []
+    by_trace = make(n=8, step_size=1e-4, discount=discount, rule=lambda **s: raw.append(RULES[form](**s)) or raw[-1])
     for t in range(len(r)):
         trace_prev = by_trace.trace
-        delta = by_trace.update(x[t], r[t], x[t + 1])
-        by_gradient.update(x[t], r[t], x[t + 1])
-        difference = delta * by_trace.trace - by_gradient.direction
-        scale = 1e-8 * np.linalg.norm(by_gradient.direction)
+        deltas.append(by_trace.update(x[t], r[t], x[t + 1]))
         assert by_trace.clipped == (t > 0 and not 0 <= raw[t] <= 1)
         if by_trace.clipped:
-            clip = by_trace.lambda_ - raw[t]
-            assert difference == pytest.approx(delta * discount * clip * trace_prev, abs=scale)
-            return
-        assert difference == pytest.approx(0, abs=scale)
-        assert by_trace.weights == pytest.approx(by_gradient.weights)
+            break
+    found = distance_from_cg(x[: t + 2], r[: t + 1], form, discount)
+    clip = discount * (by_trace.lambda_ - raw[t]) * trace_prev
+    away = np.linalg.norm(clip) / np.linalg.norm(by_trace.trace - clip)
+    assert found.reset == pytest.approx([*[0] * t, away], rel=1e-6, abs=1e-8)
+    assert found.first == (t + 1) * by_trace.clipped
+    assert found.ratio == pytest.approx(raw)
+    assert found.delta == pytest.approx(deltas)
 
 
 def test_both_agree_until_the_first_reset_of_lambda_which_is_named():
@@ -76,16 +75,12 @@ def test_both_agree_until_the_first_reset_of_lambda_which_is_named():
     assert found.reset[:at].max() < 1e-9 < found.reset[at]
 
 
-@pytest.mark.parametrize("rest", ["episode", "zero error"])
-def test_conjugate_gradient_starts_afresh_after_an_episode_and_after_a_step_without_error(rest):
-    learner = ConjugateTD(2, step_size=0.1, discount=1.0, form="polak-ribiere")
-    learner.update([1, 0], 1, [0, 0])
-    if rest == "episode":
-        learner.begin_episode()
-    else:
-        assert learner.update([0, 1], 0, [0, 0]) == 0
-    delta = learner.update([1, 1], 1, [0, 0])
-    assert learner.direction == pytest.approx(delta * np.ones(2))
+@pytest.mark.parametrize("form", FORMS[1:])  # those whose lambda, too, is undefined then
+def test_conjugate_gradient_starts_afresh_after_a_step_without_error(form):
+    phi, reward = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 0]]), np.array([1.0, 0, 1])
+    found = distance_from_cg(phi, reward, form)
+    assert (found.delta == reward).all()
+    assert found.free[2] == found.reset[2] == 0
 
 
 # The rule and the learner

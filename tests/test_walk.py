@@ -38,7 +38,7 @@ def test_each_rule_is_judged_at_the_step_size_that_other_walks_chose(monkeypatch
     np.testing.assert_allclose(race.errors["gate"], np.full(5, 1.6))
     assert race.verdicts["gate"].interval == pytest.approx((0.4, 0.4, 0.4))
     assert race.table({"fewer": "less"}).splitlines()[2:] == [
-        "| fixed:0.8 | 0.2 | 4.000 | 1 | |",
+        "| fixed:0.8 | 0.2 | 4.000 | 1 |  |",
         "| gate | 0.6 | 1.600 | 0.40 [0.40, 0.40] | less |",
         "| inverse | 0.2 | 4.000 | 1.00 [1.00, 1.00] | the same |",
     ]

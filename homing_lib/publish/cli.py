@@ -151,18 +151,14 @@ def settings() -> None:
 
 
 WORKERS = "Processes on this machine; by default -1, one per core."
-CLUSTER = """Use the workers of this Dask scheduler instead: `dask scheduler --host 127.0.0.1` prints its address, `dask
-worker --nthreads 1 ADDRESS` starts one worker. Without --host the scheduler serves whoever reaches this machine, and
-asks for no password. Every worker needs this same version of the library."""
 
 
 @homing.command()
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option("--force", is_flag=True, help="Compute all their runs from scratch.")
 @click.option("--workers", type=click.IntRange(-1, 4 * (os.cpu_count() or 1)), default=-1, metavar="N", help=WORKERS)
-@click.option("--cluster", metavar="ADDRESS", help=CLUSTER)
 @click.option("--stamp", type=Path, help="Write a hash of all data here, if it changed.")
-def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None, stamp: Path | None) -> None:
+def data(names: tuple[str, ...], force: bool, workers: int, stamp: Path | None) -> None:
     """Check the stored runs and compute those that are missing.
 
     With the NAMEs of studies (`homing studies` lists them), of these alone. Without, of all studies; then every
@@ -174,13 +170,9 @@ def data(names: tuple[str, ...], force: bool, workers: int, cluster: str | None,
 
     if workers == 0:
         raise click.UsageError("--workers 0: nobody would compute; -1 is one per core.")
-    if cluster is not None and workers != -1:
-        raise click.UsageError("--workers are processes on this machine: not together with --cluster.")
-    if cluster == "":
-        raise click.UsageError("--cluster: the address is empty; give that of a scheduler, or leave the option out.")
     if names and stamp:
         raise click.UsageError("--stamp is of all data: not together with a NAME.")
-    for study, done in sweep.compute(names, workers=workers, cluster=cluster, force=force):
+    for study, done in sweep.compute(names, workers=workers, force=force):
         if names:
             print(f"{study.name}: {done} runs computed, {len(study)} stored", flush=True)
     if names:

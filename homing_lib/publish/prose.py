@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import nbformat
 
-from homing_lib.errors import UserError, nearest
+from homing_lib.errors import UserError
 from homing_lib.publish.tex import tex
 from homing_lib.storage import ROOT, write_bytes
 from homing_lib.study import findings
@@ -37,10 +37,7 @@ def number(name: str) -> str:
     """A number of the findings as a text, by its name and format. Raises UserError if there is none."""
     key, _, form = name.partition("|")
     question, _, comparison = key.partition(".")
-    found = findings.finding(question)
-    if comparison not in found.comparisons:
-        raise UserError(f"number {key}: {question} has none of this name{nearest(comparison, found.comparisons)}")
-    one, alone = found[comparison], form.startswith("v")
+    one, alone = findings.finding(question)[comparison], form.startswith("v")
     form = form.removeprefix("v") or "2"
     if form == "pct":
         value, low, high = (f"{100 * end:.0f}" for end in one.interval)

@@ -8,7 +8,7 @@ interval is that of 1 - .05/k (Bonferroni), so that with 95 % certainty all of t
 from collections.abc import Callable
 from functools import cache
 from statistics import NormalDist
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +22,6 @@ SAME = 1.1
 
 SAME_SHARE = 0.02  # and shares that differ by no more than this
 
-normal_quantile = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
-
-Word = Literal["the same", "fewer", "more", "undecided"]
 Statistic = Callable[[Array, Array], Array]
 
 
@@ -42,9 +39,8 @@ class Interval(NamedTuple):
 @cache
 def draws(robots: int) -> Array:
     """How often each robot is drawn in each resample, shape (RESAMPLES, robots): the same for all that is estimated."""
-    counts: Array = (
-        np.random.default_rng(0).multinomial(robots, np.full(robots, 1 / robots), size=RESAMPLES).astype(np.float64)
-    )
+    rng = np.random.default_rng(0)
+    counts: Array = rng.multinomial(robots, np.full(robots, 1 / robots), size=RESAMPLES).astype(np.float64)
     counts.flags.writeable = False
     return counts
 
@@ -128,7 +124,7 @@ def pooled(pairs: list[tuple[Array, Array]]) -> Interval:
     return bootstrap(estimate, len(pairs[0][0]))
 
 
-def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> Word:
+def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), equal: float = 1.0) -> str:
     """What an interval says: the same, if it lies within these bounds; fewer or more, if it leaves out `equal`; else
     undecided: these robots do not settle it.
     """
@@ -137,15 +133,11 @@ def word_of(interval: Interval, same: tuple[float, float] = (1 / SAME, SAME), eq
     return "fewer" if interval.high < equal else "more" if interval.low > equal else "undecided"
 
 
-def detectable(error: float, comparisons: int = 1) -> float:
-    """The smallest true difference that intervals tell from none in 80 of 100 studies. error: its standard error."""
-    return (normal_quantile(1 - 0.025 / comparisons) + normal_quantile(0.8)) * error
-
-
 def smallest_ratio(ours: Array, theirs: Array, robots: int, comparisons: int = 1) -> float:
-    """The smallest ratio of means that so many robots would detect, judged by the spread of others.
+    """The smallest ratio of means that so many robots would tell from 1 in 80 of 100 studies, by the spread of others.
 
     ours, theirs: steps of those others, one per robot, seeds in order. comparisons: as in `bootstrap`.
     """
     error = np.std(ours / ours.mean() - theirs / theirs.mean(), ddof=1) / np.sqrt(robots)  # of the ratio's logarithm
-    return float(np.exp(detectable(error, comparisons)))
+    quantile = NormalDist().inv_cdf  # what scipy.stats.norm.ppf is, without a second's loading
+    return float(np.exp((quantile(1 - 0.025 / comparisons) + quantile(0.8)) * error))

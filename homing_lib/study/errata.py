@@ -4,20 +4,15 @@
 """
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
-
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass
 
 from homing_lib.errors import UserError, shown
 from homing_lib.study import findings
 
-_Text = Annotated[str, Field(min_length=1)]
 
-
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
 class Erratum:
     """An entry of `errata.toml`. str() is a paragraph in Markdown.
 
@@ -25,12 +20,12 @@ class Erratum:
     """
 
     name: str
-    where: _Text
-    printed: _Text
-    wrong: _Text
-    reading: _Text
-    proofs: Annotated[tuple[_Text, ...], Field(min_length=1)]
-    effects: dict[str, str] = Field(default_factory=dict)
+    where: str
+    printed: str
+    wrong: str
+    reading: str
+    proofs: Sequence[str]
+    effects: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return (
@@ -39,21 +34,8 @@ class Erratum:
         )
 
 
-def read(file: Path) -> tuple[Erratum, ...]:
-    """The errata of such a file. Raises UserError, in one line, if it is not there or not right."""
-    try:
-        entries = tomllib.loads(file.read_text(encoding="utf-8"))
-        named = {name: {**entry, "name": name} for name, entry in entries.items()}
-        return tuple(TypeAdapter(dict[str, Erratum]).validate_python(named).values())
-    except ValidationError as error:
-        first = error.errors()[0]
-        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-    except (OSError, ValueError, TypeError) as error:
-        problem = " ".join(str(error).split())[:300]
-    raise UserError(f"{file}: {problem}; mend it, or restore it with git")
-
-
-ERRATA = read(Path(__file__).with_suffix(".toml"))
+_ENTRIES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+ERRATA = tuple(Erratum(name, **entry) for name, entry in _ENTRIES.items())
 
 
 def chosen(names: Sequence[str] = ()) -> tuple[Erratum, ...]:

@@ -8,21 +8,18 @@ file in `questions/`, which says itself where it stands among the others.
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from homing_lib import features, policy, robot, rooms, settings, thresholds
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
 from homing_lib.storage import read_bytes, write_bytes
-from homing_lib.study import bootstrap, choosing, measures, runs, studies
+from homing_lib.study import bootstrap, runs
 from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
 from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
 from homing_lib.study.studies import load_questions
@@ -38,9 +35,7 @@ last five episodes, more steps than random actions do in its room. Intervals are
 bootstrap samples, in which a seed brings all that it has done (what robots of other seeds take, as chance, enters as a
 known mean); of k comparisons that are judged together each is that of 1 - .05/k. *The same*: the whole interval lies
 between 1/1.1 and 1.1 (of shares: within two points); else *fewer* or *more*, if it leaves out 1 (of shares: 0); else
-*undecided*: these robots do not settle it. A star marks what is judged together. Beside what is judged and undecided
-stands what it could have found, a ratio or a difference just large enough that 80 of 100 such studies would not be
-undecided."""
+*undecided*: these robots do not settle it. A star marks what is judged together."""
 
 
 class Comparison(NamedTuple):
@@ -61,18 +56,6 @@ class Comparison(NamedTuple):
         """Without the word."""
         return Interval(self.value, self.low, self.high)
 
-    @property
-    def detectable(self) -> tuple[str, float]:
-        """Where it is undecided: the smallest "ratio" or "difference" that such an interval leaves out in 80 of 100
-        studies.
-        """
-        is_ratio = 0 < self.low < 1 < self.high  # else a difference, from 0 or from another limit
-        low, high = np.log((self.low, self.high)) if is_ratio else (self.low, self.high)
-        together = max(self.judged, 1)
-        error = (high - low) / 2 / bootstrap.normal_quantile(1 - 0.025 / together)
-        least = bootstrap.detectable(error, together)
-        return ("ratio", float(np.exp(least))) if is_ratio else ("difference", float(least))
-
     def __format__(self, each: str) -> str:
         return format(self.interval, each)
 
@@ -92,6 +75,12 @@ def compare_to_first(numbers: Mapping[str, Array], statistic: Statistic = mean) 
     """By label, all but the first: numbers, one per robot, as a multiple of the first's."""
     (_, first), *others = numbers.items()
     return {label: compare_steps(ours, first, statistic) for label, ours in others}
+
+
+def against_first(compared: Mapping[str, Comparison], label: str) -> tuple[str, str]:
+    """Of those, a ratio to the first with its interval as a text, and its word; the first is 1."""
+    one = compared.get(label)
+    return (f"{one:.2f}", one.verdict) if one else ("1", "")
 
 
 def compare_shares(ours: ArrayLike, theirs: ArrayLike, *, comparisons: int = 0) -> Comparison:
@@ -205,9 +194,9 @@ class Finding:
         return questions()[self.name]
 
     def __getitem__(self, name: str) -> Comparison:
-        """A comparison, by its name."""
+        """A comparison, by its name. Raises UserError if there is none."""
         if name not in self.comparisons:
-            raise KeyError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
+            raise UserError(f"{self.name}: no comparison {name!r}{nearest(name, self.comparisons)}")
         return self.comparisons[name]
 
     def __str__(self) -> str:
@@ -222,15 +211,12 @@ def table(which: Iterable[str]) -> str:
 
 def as_text(found: Finding) -> str:
     """A finding as plain text: verdict, predicate, and every comparison with its word; those that are judged together
-    are starred, and those of them that are undecided say what they could have found.
+    are starred.
     """
     rows = [f"{found.name}: {found.question.text} {found.verdict}", f"  Predicate: {found.question.predicate}"]
     for name, one in found.comparisons.items():
         digits = ".0f" if abs(one.value) >= 20 else ".2f"
         rows.append(f"  {'*' if one.judged else ' '} {name:44} {one:{digits}}  {one.verdict}".rstrip())
-        if one.judged and one.verdict == "undecided":
-            kind, least = one.detectable
-            rows[-1] += f" (could have found a {kind} of {least:{digits}})"
     return "\n".join(rows)
 
 
@@ -242,14 +228,11 @@ def judge(name: str) -> Finding:
 
 
 def _made_from(asked: Question) -> str:
-    """A hash of all that a finding depends on: its tables, those that chose for it, all judges, and what they use."""
-    used = (bootstrap, choosing, features, measures, policy, robot, rooms, runs, settings, studies, thresholds)
-    names = (__name__, asked.judge.__module__, *(one.__name__ for one in used))
-    files = [*load_questions(), *(Path(str(sys.modules[name].__file__)) for name in names)]
-    content = hashlib.sha256(fingerprint(_with_choices(asked.studies).values()).encode())
-    for file in (*files, Path(rooms.__file__).with_suffix(".toml")):
-        content.update(file.read_bytes())
-    return content.hexdigest()[:16]
+    """A hash of all that a finding depends on: its tables, those that chose for it, and all judges and what they use,
+    which is the model and the study.
+    """
+    content = fingerprint(_with_choices(asked.studies).values()) + runs.MADE_BY["homing_lib"]
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def _with_choices(some: Iterable[Study]) -> dict[str, Study]:

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from homing_lib.agent import AgentFactory
-from homing_lib.errors import UserError, misfit, shown
+from homing_lib.errors import UserError, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import AnyRule, lambda_spec
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import iqm
 from homing_lib.study.engine import compiles, run, side_by_side
-from homing_lib.study.findings import Comparison, compare_to_first
+from homing_lib.study.findings import Comparison, against_first, compare_to_first
 from homing_lib.study.measures import CUT, WINDOW
 from homing_lib.study.runs import episode_matrix, seeds_of
 
@@ -47,9 +47,6 @@ class ResampledLambda:
         """The lambdas of the next steps, shape (count,), which are drawn with this."""
         places = np.searchsorted(self._share, self._rng.random(count), side="right")
         return self._met[np.minimum(places, len(self._met) - 1)]
-
-    def __str__(self) -> str:
-        return "resampled"
 
 
 @dataclass(frozen=True)
@@ -92,8 +89,8 @@ class Rules:
         rows = [[*head, "verdict", f"lost, of {len(self.steps[first]):,}"]]
         for label, steps in self.steps.items():
             late = _late(steps)
-            total = f"{_total(steps).mean():,.0f}", *_against(self.verdicts, label)
-            typical = f"{float(iqm(late)[0]):.1f}", *_against(self.late, label)
+            total = f"{_total(steps).mean():,.0f}", *against_first(self.verdicts, label)
+            typical = f"{float(iqm(late)[0]):.1f}", *against_first(self.late, label)
             lost = "" if self.chance is None else str((late > self.chance).sum())
             rows.append([label, self._chosen(label), *total, *typical, lost])
         known = [(title, "---", *cells) for title, *cells in zip(*rows, strict=True) if any(cells)]
@@ -106,12 +103,6 @@ class Rules:
         size = self.step_size[label]
         ends = {min(self.tried): "smallest", max(self.tried): "largest"} if len(self.tried) > 1 else {}
         return "any" if size is None else f"{size:g}, the {ends[size]} tried" if size in ends else f"{size:g}"
-
-
-def _against(comparisons: Mapping[str, Comparison], label: str) -> tuple[str, str]:
-    """A ratio to the first with its interval, and what that says; the first is 1."""
-    one = comparisons.get(label)
-    return (f"{one:.2f}", one.verdict) if one else ("1", "")
 
 
 def _total(steps: Array) -> Array:
@@ -151,7 +142,8 @@ def compare(
     in each episode that it did not finish.
 
     Before any run, raises UserError for seeds that are none, only one, or among those that choose, and for a label that
-    stands twice; TypeError or ValueError, which names the label, for what is no rule, or makes no agent.
+    stands twice; TypeError or ValueError, which names the label, for what is no rule. `agent.run` refuses what makes
+    no agent.
     """
     settings, agents = settings or Settings(images="compact"), agents or {}
     driven = _learners(rules, agents)
@@ -207,13 +199,13 @@ def _learners(rules: Mapping[str, AnyRule], agents: Mapping[str, AgentFactory]) 
     for label in agents:
         if label in rules:
             raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
-    found: dict[str, Any] = {**rules, **agents}
-    for label, one in found.items():
+    found: dict[str, Any] = {}
+    for label, rule in rules.items():
         try:
-            found[label] = lambda_spec(one).rule if label in rules else _makes_agent(one)
+            found[label] = lambda_spec(rule).rule
         except (TypeError, ValueError) as error:
             raise type(error)(f"{label}: {error}") from None
-    return found
+    return {**found, **agents}
 
 
 def _sizes(step_sizes: Any) -> tuple[float, ...]:
@@ -222,10 +214,3 @@ def _sizes(step_sizes: Any) -> tuple[float, ...]:
         return tuple({float(size): None for size in step_sizes})
     except (TypeError, ValueError):
         raise UserError(f"step_sizes = {shown(step_sizes)}: must be a list of numbers, as (0.0004, 0.00125)") from None
-
-
-def _makes_agent(makes: Any) -> AgentFactory:
-    """What makes an agent, or TypeError if it cannot be called with settings and a random generator."""
-    if wrong := misfit(makes, "settings", "rng"):
-        raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
-    return makes

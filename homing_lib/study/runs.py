@@ -101,11 +101,6 @@ class Study:
         return [self.table] if self.measure else [job.path for job in self.jobs()]
 
     @property
-    def measured(self) -> str:
-        """What is kept of a run: the name of its measure."""
-        return self.measure.__name__ if self.measure else "every step"
-
-    @property
     def whole_measure(self) -> str:
         """The name of its measure with the module, fit for a folder."""
         measure: Any = self.measure
@@ -137,7 +132,7 @@ class Study:
         seeds = [int(seed) for seed in self.seeds]
         return {
             "seeds": f"{seeds[0]}-{seeds[-1]}" if seeds == [*range(seeds[0], seeds[-1] + 1)] else seeds,
-            "measure": self.measured,
+            "measure": self.measure.__name__ if self.measure else "every step",
             "conditions": {
                 label: {"digest": settings.digest} | settings.model_dump(exclude_defaults=True)
                 for label, settings in self.conditions.items()
@@ -156,20 +151,16 @@ def seeds_of(seeds: Any) -> Sequence[int]:
     return plain
 
 
-def in_clone() -> bool:
-    """Whether `ROOT` is a clone of the repository, though perhaps without its data; the lab as handed out is none."""
-    return (ROOT / "Makefile").is_file()
-
-
 def require_clone() -> None:
     """Raises UserError where there is no clone of the repository, so that nothing is computed or built elsewhere."""
-    if not in_clone():
-        raise missing(ROOT / "Makefile", "")
+    makefile = ROOT / "Makefile"  # which a clone has, and the lab as handed out has not
+    if not makefile.is_file():
+        raise missing(makefile, "")
 
 
 def missing(path: Path, remedy: str) -> UserError:
     """The error for a file of the repository that is not there. remedy: what helps in a clone."""
-    if in_clone():
+    if (ROOT / "Makefile").is_file():
         return UserError(f"{path}: {remedy}")
     where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
     return UserError(f"{path}: missing, for {where}; clone it and work there")

@@ -8,7 +8,6 @@ question that they answer (`questions/`).
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from graphlib import TopologicalSorter
 from importlib import import_module
-from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
@@ -89,7 +88,6 @@ def column(table: Any, name: str, **values: Any) -> Array:
 
 _CAMERA = Settings()
 _ATLAS = Settings(images="atlas")
-_COARSER = _ATLAS.with_changes(atlas_spacing_m=0.03)
 
 HEADLINE = study(
     "headline",
@@ -101,7 +99,7 @@ HEADLINE = study(
 LATTICES = {
     "4 cm, 20 degrees": _ATLAS.with_changes(atlas_spacing_m=0.04, atlas_heading_deg=20),
     "3 cm, 15 degrees": _ATLAS.with_changes(atlas_spacing_m=0.03, atlas_heading_deg=15),
-    "3 cm, 10 degrees": _COARSER,
+    "3 cm, 10 degrees": _ATLAS.with_changes(atlas_spacing_m=0.03),
     "2 cm, 10 degrees": _ATLAS,
 }
 
@@ -147,29 +145,26 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
 }
 
 
-def exploration(drawn: str | float) -> dict[str, Any]:
-    """Settings of an exploration by its name; a number is the temperature of the normalised mixture."""
-    mixture, tau0 = (drawn, 0.03) if isinstance(drawn, str) else ("normalised", drawn)
-    return {"mixture": mixture, "tau0": tau0}
+def drawn_from(choices: Mapping[str, tuple[Any, ...]], seed: Any, **fixed: Any) -> dict[str, Settings]:
+    """160 settings, drawn at random from these choices, by label. fixed: what all of them have.
 
-
-def _candidates() -> dict[str, Settings]:
-    """160 settings, drawn at random from the choices above, by label."""
-    rng = np.random.default_rng(0)
-    drawn: dict[str, Settings] = {}
-    while len(drawn) < 160:
-        values = {name: choices[rng.integers(len(choices))] for name, choices in _CHOICES.items()}
+    A number for the exploration is the temperature of the normalised mixture.
+    """
+    rng, candidates = np.random.default_rng(seed), dict[str, Settings]()
+    while len(candidates) < 160:
+        values = {name: some[rng.integers(len(some))] for name, some in choices.items()} | fixed
         label = " ".join(str(value) for value in values.values())
-        exploring = exploration(values.pop("exploration"))
-        drawn[label] = _ATLAS.with_changes(**exploring, **values)
-    return drawn
+        explores = values.pop("exploration")
+        mixture, tau0 = (explores, 0.03) if isinstance(explores, str) else ("normalised", explores)
+        candidates[label] = _ATLAS.with_changes(mixture=mixture, tau0=tau0, **values)
+    return candidates
 
 
 CALIBRATION = study(
     "calibration",
     "What the paper leaves open, searched at random over the choices that its text and the robot allow: 160 settings, "
     "ten seeds each.",
-    _candidates(),
+    drawn_from(_CHOICES, 0),
     range(10),
     curve,
 )
@@ -181,13 +176,8 @@ def calibration_score(table: Any) -> Any:
     table: of `CALIBRATION` or the finalists. Returns a series by condition, best first.
     """
     late = table[table.episode > 10]
-    return (
-        late.steps.astype(float)
-        .fillna(Settings().max_steps)
-        .groupby(late.condition.astype(str))
-        .mean()
-        .sort_values(kind="stable")
-    )
+    steps = late.steps.astype(float).fillna(Settings().max_steps)
+    return steps.groupby(late.condition.astype(str)).mean().sort_values(kind="stable")
 
 
 FINALISTS = study(
@@ -200,11 +190,10 @@ FINALISTS = study(
 )
 
 
-def load_questions() -> list[Path]:
-    """Import every file of `questions/`, which lists its studies and judges; return the files."""
-    found = sorted(iter_modules(questions.__path__), key=lambda one: one.name)
-    modules = [import_module(f"{questions.__name__}.{one.name}") for one in found]
-    return [Path(str(module.__file__)) for module in modules]
+def load_questions() -> None:
+    """Import every file of `questions/`, which lists its studies and judges."""
+    for one in iter_modules(questions.__path__):
+        import_module(f"{questions.__name__}.{one.name}")
 
 
 def in_order() -> Iterator[Study]:
@@ -227,7 +216,7 @@ def page() -> str:
     ]
     for one in in_order():
         seeds = f"{min(one.seeds)} to {max(one.seeds)}"
-        scope = f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.measured}."
+        scope = f"Seeds {seeds}, {len(one.conditions)} conditions. Kept of a run: {one.definition()['measure']}."
         scope += " `make deep` computes it, nothing else." * one.deep
         parts += [f"## {one.name}", one.reason, scope, _conditions(one)]
     return "\n\n".join(parts) + "\n"

@@ -22,23 +22,20 @@ from homing_lib import agent, parallel
 from homing_lib.atlas import open_atlas
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.rooms import room_named
-from homing_lib.settings import Settings
-from homing_lib.storage import npz_bytes, read_arrays, read_bytes, write_bytes
+from homing_lib.storage import npz_bytes, read_arrays, write_bytes
 from homing_lib.study import runs, studies
-from homing_lib.study.runs import Job, Measure, Study, check, is_current, read_manifest, sha256
+from homing_lib.study.runs import Job, Measure, Study, is_current, read_manifest, sha256
 
 Kept = dict[int, Any]
 """Of runs of a job, by seed: the rows of their table; of a complete run the bytes of its file."""
 
 
-def compute(
-    names: Sequence[str] = (), *, workers: int = -1, cluster: str | None = None, force: bool = False
-) -> Iterator[tuple[Study, int]]:
+def compute(names: Sequence[str] = (), *, workers: int = -1, force: bool = False) -> Iterator[tuple[Study, int]]:
     """Compute what is missing of all studies, or of those that are named: each, and how many runs it took.
 
     Runs that several studies ask for are computed once; what is deep only if it is named, else it must be there.
-    workers, cluster: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises
-    UserError outside a clone, for a name that no study has, and for a deep study that is not there.
+    workers: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises UserError
+    outside a clone, for a name that no study has, and for a deep study that is not there.
     """
     runs.require_clone()
     _require_known(names)
@@ -53,7 +50,7 @@ def compute(
             for path in {job.path for job in study.jobs()} - anew:  # but for what another has just computed
                 path.unlink(missing_ok=True)
                 anew.add(path)
-        yield study, sweep(study, workers=workers, cluster=cluster, force=force)
+        yield study, sweep(study, workers=workers, force=force)
 
 
 def _require_known(names: Sequence[str]) -> None:
@@ -64,19 +61,18 @@ def _require_known(names: Sequence[str]) -> None:
             raise UserError(f"study {shown(name)}: there is none of this name; `homing studies` lists them{like}")
 
 
-def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force: bool = False) -> int:
+def sweep(study: Study, *, workers: int = -1, force: bool = False) -> int:
     """Compute what is missing of a study, and store it. Returns how many runs were computed.
 
-    workers, cluster: see `parallel.results`; force: even if all is stored; of what was measured, blocks in
-    `runs.SCRATCH` are still used. Raises UserError if a stored file is damaged or cannot be written, or if workers are
-    lost.
+    workers: see `parallel.results`; force: even if all is stored; of what was measured, blocks in `runs.SCRATCH` are
+    still used. Raises UserError if a stored file is damaged or cannot be written, or if workers are lost.
     """
     for folder in (study.folder, runs.DATA):
         runs.remove_leftovers(folder)
     if not force and is_current(study):
         return 0
     before, jobs = read_manifest(study), study.jobs()
-    kept = {job.path: _read(study, job, {} if force else before) for job in jobs}
+    kept = {job.path: _read(study, job) if study.measure else {} for job in jobs}
     todo = [
         job._replace(seeds=left)
         for job in jobs
@@ -89,7 +85,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
                 open_atlas(room_named(settings.room), settings)  # once, before the workers all want it
         with tqdm(total=count, desc=f"{study.name}: runs", unit="run") as bar:
             calls = [(study.measure, job) for job in todo]
-            for job, computed in parallel.results(_compute, calls, workers=workers, cluster=cluster):
+            for job, computed in parallel.results(_compute, calls, workers=workers):
                 kept[job.path] |= computed
                 if study.measure:
                     write_bytes(job.path, _block(study, job, kept[job.path]))
@@ -102,7 +98,7 @@ def sweep(study: Study, *, workers: int = -1, cluster: str | None = None, force:
 
 
 def _compute(measure: Measure | None, job: Job) -> tuple[Job, Kept]:
-    """The runs of a job, in whichever process, on whichever machine."""
+    """The runs of a job, in whichever process."""
     if measure is None:
         return job, {seed: runs.content_of(agent.run(job.settings, seed)) for seed in job.seeds}
     return job, {seed: _rows(measure(job.settings, seed)) for seed in job.seeds}
@@ -116,15 +112,8 @@ def _rows(columns: runs.Columns) -> Any:
 # --- What is kept -----------------------------------------------------------------------------------------------------
 
 
-def _read(study: Study, job: Job, manifest: Mapping[str, Any]) -> Kept:
-    """What is kept in a job's file. Raises DamagedFile for a complete run of another checksum than its manifest's; a
-    block that is damaged, or by another version of the library, counts as none.
-    """
-    if study.measure is None:
-        if job.path.name not in manifest.get("sha256", {}) or not job.path.exists():
-            return {}
-        check(job.path, manifest)
-        return {job.seeds[0]: read_bytes(job.path)}
+def _read(study: Study, job: Job) -> Kept:
+    """What is kept in a job's block; one that is damaged, or by another version of the library, counts as none."""
     with suppress(FileNotFoundError, DamagedFile):
         about, arrays = read_arrays(job.path)
         if _about(study, job).items() <= about.items():
@@ -146,12 +135,9 @@ def _about(study: Study, job: Job) -> dict[str, Any]:
 
 def _table(study: Study, kept: Mapping[Path, Kept]) -> bytes:
     """All runs as one table of 32-bit numbers, in the order of the study."""
-    of_condition: dict[Settings, Kept] = {}
-    for job in study.jobs():
-        of_condition.setdefault(job.settings, {}).update(kept[job.path])
-    of_label = {label: of_condition[settings] for label, settings in study.conditions.items()}
+    rows_of = {(job.settings, seed): its for job in study.jobs() for seed, its in kept[job.path].items()}
     keys = [(label, seed) for label in study.conditions for seed in study.seeds]
-    parts = [of_label[label][seed] for label, seed in keys]
+    parts = [rows_of[study.conditions[label], seed] for label, seed in keys]
     rows, lengths = np.concatenate(parts), [len(part) for part in parts]
     labels = np.array([label for label, _ in keys], dtype=object)
     seeds = np.array([seed for _, seed in keys], dtype=np.int32)

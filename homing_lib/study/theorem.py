@@ -1,9 +1,5 @@
 """The theorem behind eq. (7), tested: TD(lambda_t) beside conjugate gradient, and where its three forms must agree.
 
-    ConjugateTD       TD-conj as what it was derived from: conjugate gradient, without trace or lambda
-    distance_from_cg  how far the two are apart, step by step
-    on_a_quadratic    what the forms say where the textbook's must coincide
-
 `beta` has the textbook's formulas, which know nothing of TD.
 """
 
@@ -12,49 +8,15 @@ from math import isfinite
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.linalg.blas import ddot as dot
 
 from homing_lib.errors import one_of
 from homing_lib.features import Array
-from homing_lib.lambdas import RULES, LambdaRule, fletcher_reeves
+from homing_lib.lambdas import LambdaRule, fletcher_reeves
+from homing_lib.sarsa import silent
 from homing_lib.td import LinearTD
 
 Form = Literal["hestenes-stiefel", "fletcher-reeves", "polak-ribiere"]
-
-
-class ConjugateTD(LinearTD):
-    """TD-conj as conjugate gradient: g_t = delta_t phi_t is the descent direction of half the squared TD error with its
-    target held fixed (the semi-gradient), and
-
-        p_t = g_t + beta_t p_{t-1}
-        theta_{t+1} = theta_t + alpha p_t
-
-    with p_t = g_t at the first step of an episode and wherever beta_t is undefined. form: that of `beta`. `direction`
-    is p_t, shape (n,): by eq. (7) it equals delta_t e_t of a `LinearTD` whose rule is of that form, until the first
-    lambda is clipped. `trace` stays zero, for none is needed.
-    """
-
-    def __init__(self, n_features: int, *, form: Form = "fletcher-reeves", **settings: Any) -> None:
-        one_of("form of beta", form, tuple(_BETA))
-        self.form = form
-        super().__init__(n_features, lambda_rule=RULES[form], **settings)
-
-    def begin_episode(self) -> None:
-        super().begin_episode()
-        self.direction: Array = np.zeros_like(self.weights)
-        self._g_prev = self.direction
-
-    def learn(self, phi: Array, a: int, reward: float, phi_next: Array, next_action: int, terminal: bool) -> float:
-        """Learn from one step; return its TD error."""
-        value_next = 0.0 if terminal else self._value_ahead(phi_next, next_action)
-        delta = reward + self.discount * value_next - self.value(phi)
-        g = delta * phi
-        beta_t = beta(self.form, g, self._g_prev, self.direction)  # 0/0 or x/0 at a first step
-        self.direction = g + beta_t * self.direction if isfinite(beta_t) else g
-        change = self.step_size * self.direction
-        self._theta += change
-        self._g_prev = g
-        self._changed_by(change)
-        return delta
 
 
 def beta(form: Form, g: Array, g_prev: Array, p_prev: Array) -> float:
@@ -90,16 +52,32 @@ class Distance(NamedTuple):
     first: int
 
 
+@silent
 def distance_from_cg(phi: Array, reward: Array, form: Form = "fletcher-reeves", discount: float = 0.9) -> Distance:
-    """Run both on the same features, shape (steps + 1, n), and rewards, shape (steps,), from weights of 0."""
-    setting: dict[str, Any] = {"step_size": 1e-4, "discount": discount}
-    conjugate = ConjugateTD(phi.shape[1], form=form, **setting)
-    free, reset = (LinearTD(phi.shape[1], lambda_rule=RULES[form], clip=clip, **setting) for clip in (False, True))
+    """Run both on the same features, shape (steps + 1, n), and rewards, shape (steps,), from weights of 0.
+
+    Conjugate gradient has neither trace nor lambda: g_t = delta_t phi_t is the descent direction of half the squared TD
+    error with its target held fixed (the semi-gradient), and
+
+        p_t = g_t + beta_t p_{t-1}
+        theta_{t+1} = theta_t + alpha p_t
+
+    with p_t = g_t at the first step and wherever beta_t is undefined. By eq. (7) p_t equals delta_t e_t until the first
+    lambda is reset.
+    """
+    alpha = 1e-4
+    setting: dict[str, Any] = {"lambda_rule": form, "step_size": alpha, "discount": discount}
+    free, reset = (LinearTD(phi.shape[1], clip=clip, **setting) for clip in (False, True))
+    theta = g_prev = p = np.zeros(phi.shape[1])
     rows, first = [], 0
     for t in range(len(reward)):
-        step = phi[t], reward[t], phi[t + 1]
-        delta, p = conjugate.update(*step), conjugate.direction
-        distances = [np.linalg.norm(td.update(*step) * td.trace - p) / np.linalg.norm(p) for td in (free, reset)]
+        delta = reward[t] + discount * dot(theta, phi[t + 1]) - dot(theta, phi[t])
+        g = delta * phi[t]
+        beta_t = beta(form, g, g_prev, p)  # 0/0 or x/0 at the first step
+        p = g + beta_t * p if isfinite(beta_t) else g
+        theta, g_prev = theta + alpha * p, g
+        traces = (td.update(phi[t], reward[t], phi[t + 1]) * td.trace for td in (free, reset))
+        distances = [np.linalg.norm(trace - p) / np.linalg.norm(p) for trace in traces]
         first = first or (t + 1) * reset.clipped
         rows.append((delta, phi[t] @ phi[t], free.lambda_, *distances))
     deltas, squares, ratio, without, with_reset = np.array(rows).T

@@ -18,14 +18,13 @@ import numpy as np
 from homing_lib.features import Array
 from homing_lib.lambdas import AnyRule, Fixed, lambda_spec
 from homing_lib.sarsa import Diverged, silent
-from homing_lib.study.findings import Comparison, compare_to_first
+from homing_lib.study.findings import Comparison, against_first, compare_to_first
 from homing_lib.study.methods.prediction import HL, META, LambdaGreedy
 from homing_lib.study.runs import seeds_of
 from homing_lib.td import LinearTD, TrueOnlineTD
 
 EPISODES = 10
-STEP_SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-RACE_SIZES = (0.02, *STEP_SIZES)  # for a race, in which a rule that keeps the whole trace asks for smaller ones
+RACE_SIZES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # the first for rules that keep the whole trace
 VALUES = np.arange(-9, 10) / 10
 _PHI = np.eye(20, 19)
 
@@ -40,18 +39,16 @@ class Method:
     make: Callable[[float], Any]
 
 
-def walks(seed: int) -> list[list[int]]:
+@cache  # drawing one costs as much as learning from it
+def walks(seed: int) -> tuple[tuple[int, ...], ...]:
     """The states of ten episodes, 0 to 18; each ends beyond one of the ends, at -1 or 19."""
     rng, episodes = np.random.default_rng(seed), []
     for _ in range(EPISODES):
         states = [9]
         while 0 <= states[-1] < 19:
             states.append(states[-1] + int(rng.choice((-1, 1))))
-        episodes.append(states)
-    return episodes
-
-
-_walks = cache(walks)  # drawing one costs as much as learning from it
+        episodes.append(tuple(states))
+    return tuple(episodes)
 
 
 def follow(learner: Any, states: Sequence[int]) -> None:
@@ -71,7 +68,7 @@ def learning(rule: AnyRule | Method, seed: int, step_size: float) -> Array:
         learner = LinearTD(19, step_size=step_size, discount=1.0, lambda_rule=rule)
     errors = np.full(EPISODES, np.inf)
     try:
-        for number, states in enumerate(_walks(seed)):
+        for number, states in enumerate(walks(seed)):
             follow(learner, states)
             errors[number] = np.sqrt(np.mean((learner.weights - VALUES) ** 2))
     except Diverged:
@@ -110,12 +107,9 @@ class Race:
         rows = [f"| rule | its step size | error on {walks} new walks | as a multiple of {first} | |"]
         rows.append("|---|---|---|---|---|")
         for label, errors in self.errors.items():
-            against = "1 |"
-            if label in verdicts:
-                word = verdicts[label].verdict
-                against = f"{verdicts[label]:.2f} | {words.get(word, word)}"
+            ratio, word = against_first(verdicts, label)
             size = "none" if isnan(self.step_size[label]) else f"{self.step_size[label]:g}"
-            rows.append(f"| {label} | {size} | {errors.mean():.3f} | {against} |")
+            rows.append(f"| {label} | {size} | {errors.mean():.3f} | {ratio} | {words.get(word, word)} |")
         return "\n".join(rows)
 
 

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
-import numpy as np
-
 from homing_lib.settings import Settings
 from homing_lib.study.bootstrap import pooled, word_of
 from homing_lib.study.choosing import STEP_SIZES, Choice
@@ -19,7 +17,7 @@ from homing_lib.study.measures import totals
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.varying import FIXED, FORM_2, OPPONENTS, UPDATES, chosen, chosen_own, robots_of
 from homing_lib.study.runs import Study
-from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, column, exploration, labelled, study
+from homing_lib.study.studies import ROOM_ROBOTS, ROOMS, UNLEARNT, UNLIKE, column, drawn_from, labelled, study
 
 ROBOTS_IN = {room: range(10_000, 11_000) if room == "hall" else ROOM_ROBOTS for room in ROOMS[1:]}
 """The hall has more: its robots differ most (`smallest ratio` among the findings)."""
@@ -67,26 +65,16 @@ CALIBRATED: dict[str, tuple[Any, ...]] = {
     "first_episode_share": (0.1, 0.3, 1.0),
     "lambda_rule": FIXED,
 }
-"""What is drawn. A number for the exploration is the temperature of the normalised mixture. Drive, variance and penalty
-stay as declared."""
-
-
-def _candidates(learner: str) -> list[dict[str, Any]]:
-    rng, drawn = np.random.default_rng([*learner.encode()]), dict[str, dict[str, Any]]()
-    while len(drawn) < 160:
-        values = {name: choices[rng.integers(len(choices))] for name, choices in CALIBRATED.items()}
-        values |= {**exploration(values.pop("exploration")), **LEARNERS[learner]}
-        drawn[str(values)] = values
-    return list(drawn.values())
+"""What is drawn, unless it is the learner's own. Drive, variance and penalty stay as declared."""
 
 
 CALIBRATION = Choice(
     "rooms-calibration",
     "Which step size, exploration and schedule, and which fixed lambda, suit which learner? 160 draws each.",
     {
-        (room, learner): [Settings(images="atlas", room=room, **values) for values in _candidates(learner)]
+        (room, learner): [*drawn_from(CALIBRATED, [*learner.encode()], room=room, **fixed).values()]
         for room in CALIBRATED_IN
-        for learner in LEARNERS
+        for learner, fixed in LEARNERS.items()
     },
     keep=16,
     seeds=range(10),
