@@ -173,7 +173,7 @@ def test_over_step_sizes_the_best_of_each_has_a_dot_and_what_is_nowhere_low_enou
     (axes,) = drawn(curves.over_step_sizes(np.array([0.1, 0.2, 0.4]), error, "error", 300))
     assert places(axes) == [(BLUE, 0.2, 100)]
     assert words(axes.texts) == ["a", "b: beyond 300"]
-    assert "a: 100.00 at 0.2" in axes.get_title(loc="left")
+    assert "above 300 are not drawn" in axes.get_title(loc="left")
 
 
 def test_a_reset_is_hollow_and_what_becomes_of_the_steps_is_told_in_percent():
@@ -187,7 +187,7 @@ def test_a_reset_is_hollow_and_what_becomes_of_the_steps_is_told_in_percent():
 def test_the_share_of_small_errors_is_read_off_a_rising_curve_and_said_in_words():
     (axes,) = drawn(curves.lattice_errors({"fine": np.array([3.0, 1, 2, 9]), "coarse": np.array([5.0, 6, 7, 8])}, 4))
     assert axes.lines[0].get_xydata().tolist() == [[1, 25], [2, 50], [3, 75], [9, 100]]
-    assert words(axes.get_legend().texts) == ["fine (75% within the band)", "coarse (0% within the band)"]
+    assert words(axes.get_legend().texts) == ["fine (75 % within the band)", "coarse (0 % within the band)"]
 
 
 def test_maps_of_one_figure_share_their_scale_in_percent():

@@ -33,6 +33,7 @@ from homing_lib.publish.style import (
     INK,
     LINES,
     ORANGE,
+    SHAPES,
     SKY,
     TEXT_WIDTH,
     Look,
@@ -58,8 +59,8 @@ def learning_curves(
 ) -> Figure:
     """The paper's Fig. 6: steps, reward and parameter change per episode: mean and range of the runs.
 
-    random_rewards: of the uniform random policy; step_size_rate: the step size of each episode as a share of the
-    first's; first, last, random: mean steps over the first and last `window` episodes, and of the random policy.
+    random_rewards: of random actions; step_size_rate: the step size of each episode as a share of the first's; first,
+    last, random: mean steps over the first and last `window` episodes, and of random actions.
     """
     figure = plt.figure(figsize=(TEXT_WIDTH, 4.3))
     top, middle, right = figure.subplot_mosaic("ss;rc", height_ratios=[1.35, 1]).values()
@@ -69,7 +70,7 @@ def learning_curves(
     top.axhspan(random.low, random.high, color=GREY, alpha=0.25, linewidth=0)
     top.axhline(random.value, **DASHED)
     at = episodes[-1] + 0.4, 1.08 * random.high
-    note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
+    note(top, f"random actions: {_steps(random)}", at, va="bottom", ha="right")
     for part, mean, name in ((slice(None, window), first, "first"), (slice(-window, None), last, "last")):
         ends = episodes[part][0] - 0.4, episodes[part][-1] + 0.4
         below = 0.85 * steps[:, part].min()
@@ -82,14 +83,14 @@ def learning_curves(
     top.set(ylabel=f"steps: mean and range of {len(steps)} runs", ylim=(steps.min() * 0.5, None))
 
     _mean_and_range(middle, episodes, rewards)
-    level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
-    middle.set(title="Reward per episode", ylabel="summed reward")
+    level(middle, float(np.nanmean(random_rewards)), "random actions", at=0.55)
+    middle.set(title="Reward per episode: mean and range", ylabel="summed reward")
 
     _mean_and_range(right, episodes, changes)
     share = step_size_rate * np.nanmean(changes[:, 0]) / step_size_rate[0]
     right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
     beside(right, "the step size's own fall", (episodes[-1], share[-1]), (0, 11), ha="right")
-    right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
+    right.set(title="Parameter change: mean and range", ylabel="summed $|\\Delta\\theta|$", yscale="log")
     for axes in figure.axes:
         axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
     return figure
@@ -125,7 +126,7 @@ def learns(atlas: Array, camera: Array, levels: Mapping[str, float], frozen: Map
     log_axis(axes, "y")
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     beside(axes, f"{len(atlas):,} robots on the atlas", (6.2, 240), (0, 0), color=COLOURS["form 2"])
-    beside(axes, f"{len(camera)} with the camera", (1.5, 78), (0, 0), color=COLOURS["camera"])
+    beside(axes, f"{len(camera)} with the camera", (12.5, 23), (0, 0), color=COLOURS["camera"])
     return figure
 
 
@@ -195,6 +196,9 @@ def rules(compared: Rules) -> Figure:
     log_axis(against, "x", narrow=True)
     name_rows(against, compared.verdicts, ticks=3.5)
     against.set_xlabel(f"steps / those of {first}\n(black: total; grey: last five, typical)", loc="right")
+    met = {one.verdict for one in (*compared.verdicts.values(), *compared.late.values())}
+    words = [handle(word, shown_as(word), 4.5) for word in SHAPES if word in met]
+    figure.legend(handles=words, loc="outside upper right", ncols=len(words))
     return figure
 
 
@@ -275,7 +279,6 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     """A measure of runs against the step size. errors: by rule, shape (runs, step sizes); above `top`, not drawn."""
     figure, (axes,) = panels(3.1)
     ends: dict[str, tuple[float, float]] = {}
-    least = (np.inf, "", 0.0)
     for (name, table), line in zip(errors.items(), cycle(LINES), strict=False):
         mean, low, high = band(np.minimum(table, 1e6))
         drawn = mean <= top
@@ -284,11 +287,10 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
             continue
         curve(axes, step_sizes[drawn], np.array([mean, low, np.minimum(high, top)])[:, drawn], line)
         best = mean.argmin()
-        least = min(least, (mean[best], name, step_sizes[best]))
         axes.plot(step_sizes[best], mean[best], "o", color=line[0], markersize=4)
         ends[name] = step_sizes[drawn][-1], mean[drawn][-1]
     axes.set(xlabel="step size $\\alpha$", ylabel=ylabel, xscale="log", ylim=(None, top))
-    axes.set_title(f"Least with {least[1]}: {least[0]:.2f} at {least[2]:g} (dots: the best step size of each)")
+    axes.set_title(f"Each has a best step size of its own (dots); errors above {top:g} are not drawn")
     axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
     axes.minorticks_off()
     label_ends(axes, ends)
@@ -304,13 +306,13 @@ def lattice_errors(errors: Mapping[str, Array], band_width: float) -> Figure:
     downwards = sorted(errors, key=lambda name: -within[name])  # as the curves lie
     for name, (colour, dashes) in zip(downwards, cycle(LINES), strict=False):
         share = 100 * np.arange(1, errors[name].size + 1) / errors[name].size
-        label = f"{name} ({within[name]:.0%} within the band)"
+        label = f"{name} ({100 * within[name]:.0f} % within the band)"
         axes.plot(np.sort(errors[name]), share, color=colour, linestyle=dashes, label=label)
     axes.legend(loc="lower right", labelcolor="linecolor", handlelength=3)
     axes.axvline(band_width, **DASHED)
     beside(axes, "$\\psi_{upper}-\\psi_{lower}$,\nthe band", (band_width, 4), (4, 0))
-    least, most = min(within.values()), max(within.values())
     axes.set(xlabel="|NRB of the atlas − NRB of the camera|", xlim=(0, widest))
     axes.set(ylabel="random poses (%)", ylim=(0, 101))
-    axes.set_title(f"At {least:.0%} to {most:.0%} of the poses the atlas errs by less than the thresholds' band")
+    least, most = 100 * min(within.values()), 100 * max(within.values())
+    axes.set_title(f"At {least:.0f} to {most:.0f} % of the poses the atlas errs by less than the thresholds' band")
     return figure

@@ -16,11 +16,11 @@ WELL_BELOW = 0.75
 
 
 class Headline:
-    """What runs of the agent say, and runs of a uniformly random policy of the same seeds.
+    """What runs of the agent say, and runs of random actions of the same seeds.
 
-    Steps are means per episode, with 95 % intervals, of the first and the last WINDOW episodes and of the random
-    policy; `of_first` and `of_random` are the last as a share of these. The falls, of the parameter change and of the
-    step size, are the last as a share of the first.
+    Steps are means per episode, with 95 % intervals, of the first and the last WINDOW episodes and of random actions;
+    `of_first` and `of_random` are the last as a share of these. The falls, of the parameter change and of the step
+    size, are the last as a share of the first.
     """
 
     def __init__(self, learnt: Sequence[Run], random: Sequence[Run]) -> None:
@@ -40,7 +40,7 @@ class Headline:
 
     @property
     def verdict(self) -> str:
-        """ "well below", "below" or "not below": how the last episodes stand to the first and to the random policy."""
+        """ "well below", "below" or "not below": how the last episodes stand to the first and to random actions."""
         ratios = self.of_first, self.of_random
         if not all(ratio.high < 1 for ratio in ratios):
             return "not below"
@@ -56,21 +56,22 @@ def stored() -> Headline:
 def conclusion(h: Headline) -> str:
     """The result in one sentence."""
     lead = {
-        "well below": "The robot learns its way home:",
-        "below": "The robot learns, though by less than the paper suggests:",
-        "not below": "These runs do not show that the robot learns:",
+        "well below": "The episodes get shorter:",
+        "below": "The episodes get shorter, though by less than the paper suggests:",
+        "not below": "These runs do not show that the episodes get shorter:",
     }[h.verdict]
     return (
         f"{lead} over {h.runs} runs of {h.settings.episodes} episodes, an episode takes {h.first:.0f} steps "
         f"at first (mean of the first {WINDOW} with its 95 % interval) and {h.last:.0f} at the end (last {WINDOW}); "
-        f"a uniformly random policy in the same room takes {h.random:.0f}."
+        f"random actions in the same room take {h.random:.0f}."
     )
 
 
 def in_numbers(h: Headline) -> list[str]:
     """The end against the beginning and against chance, and how often home was reached: two sentences."""
     return [
-        f"Last five against first five: {h.of_first:.2f} of the steps; against the random policy: "
+        f"Last five against first five: {h.of_first:.2f} of the steps; against random actions: "
         f"{h.of_random:.2f}. The end is {h.verdict} both.",
-        f"Home was reached in {h.reached} of {h.total} episodes; {h.diverged} of {h.runs} runs diverged.",
+        f"Home was reached in {h.reached} of {h.total} episodes, by random actions in {h.random_reached} of "
+        f"{h.random_total}; {h.diverged} of {h.runs} runs diverged.",
     ]
