@@ -172,7 +172,7 @@ def test_over_step_sizes_the_best_of_each_has_a_dot_and_what_is_nowhere_low_enou
     (axes,) = drawn(curves.over_step_sizes(np.array([0.1, 0.2, 0.4]), error, "error", 300))
     assert places(axes) == [(BLUE, 0.2, 100)]
     assert words(axes.texts) == ["a", "b: beyond 300"]
-    assert "a: 100.00 at 0.2" in axes.get_title(loc="left")
+    assert "above 300 are not drawn" in axes.get_title(loc="left")
 
 
 def test_a_reset_is_hollow_and_what_becomes_of_the_steps_is_told_in_percent():

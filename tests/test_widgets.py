@@ -68,4 +68,4 @@ def test_on_the_robot_episodes_that_were_not_finished_are_named(monkeypatch):
     assert [label for label, _ in home] == [
         f"episode {number}: {len(way)} steps" for number, (_, way) in zip((1, 2, 5, 10, 20), home, strict=True)
     ]
-    assert [label for label, _ in lost][-1] == "episode 20: weights lost"
+    assert [label for label, _ in lost][-1] == "episode 20: diverged"

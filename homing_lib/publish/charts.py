@@ -23,8 +23,8 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
     """
     figure, (height, rate) = panels(2.4, 2)
     forms = (
-        (linear, "$1-(m\\pi)^{-1/2}$", ORANGE, (0, (4, 2)), (0, -5), "top"),
-        (square_root, "$1-(\\pi\\sqrt{m})^{-1}$", BLUE, "-", (0, 4), "bottom"),
+        (linear, "$1-(M\\pi)^{-1/2}$", ORANGE, (0, (4, 2)), (0, -5), "top"),
+        (square_root, "$1-(\\pi\\sqrt{M})^{-1}$", BLUE, "-", (0, 4), "bottom"),
     )
     for values, name, colour, dashes, offset, side in forms:
         height.plot(multiplier, values, color=colour, linestyle=dashes)
@@ -32,7 +32,7 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
         rate.plot(multiplier[1:], np.diff(values), color=colour, linestyle=dashes)
     for number, value in chosen.items():
         height.plot(number, value, "o", color=BLUE, markersize=4)
-    used = ",\n".join(f"{value:.4f} at $m$ = {number}" for number, value in sorted(chosen.items(), reverse=True))
+    used = ",\n".join(f"{value:.4f} at $M$ = {number}" for number, value in sorted(chosen.items(), reverse=True))
     place = min(chosen), min(chosen.values())
     beside(height, f"in use: {used}", place, (0, 7), ha="center", color=BLUE)
     height.set(ylabel="threshold $\\psi$ (similarity)", ylim=(None, 1.06), yticks=np.arange(0.5, 1.01, 0.1))
@@ -40,8 +40,8 @@ def threshold_forms(multiplier: Array, linear: Array, square_root: Array, chosen
     middle = multiplier.size // 2
     place = multiplier[middle], np.diff(square_root)[middle - 1]
     beside(rate, f"{times:.2f} times finer", place, (-4, -4), ha="right", va="top", color=BLUE)
-    rate.set(ylabel="rise of $\\psi$ from $m-1$ to $m$", yscale="log")
-    plt.setp((height, rate), xlabel="multiplier $m$", xlim=(0, multiplier[-1]))
+    rate.set(ylabel="rise of $\\psi$ from $M-1$ to $M$", yscale="log")
+    plt.setp((height, rate), xlabel="multiplier $M$", xlim=(0, multiplier[-1]))
     return figure
 
 
@@ -56,7 +56,7 @@ def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -
     axes.tick_params(axis="y", length=0)
     axes.set(xlabel="random poses that pass for home (%)", xlim=(0, 1.12 * max(*percent, 1)))
     if selective:
-        passing = " and ".join(f"{shares[name]:.1%}" for name in selective)
+        passing = " and ".join(f"{100 * shares[name]:.1f} %" for name in selective)
         axes.set_title(f"With σ² as it is used here, {passing} of random poses pass for home")
     return figure
 
@@ -76,7 +76,7 @@ def trace_depth(traces: Mapping[str, Array]) -> Figure:
 
 @styled
 def distance(forms: Mapping[str, Distance]) -> Figure:
-    """How far TD-conj stands from conjugate gradient at each step: by form, without and with the reset to [0, 1]."""
+    """How far TD-conj stands from conjugate gradient at each step: by form, without resets of lambda and with them."""
     figure, grid = panels(2.3, len(forms), sharey=True)
     floor = 1e-18
     for axes, (name, apart) in zip(grid, forms.items(), strict=True):
@@ -87,8 +87,8 @@ def distance(forms: Mapping[str, Distance]) -> Figure:
         beside(axes, "first reset", (apart.first, 1e-8), (4, 0), rotation=90)
         axes.set(title=name, xlabel="step $t$", yscale="log", ylim=(floor / 3, 1e3), xlim=(1, step[-1]))
         axes.set_xticks(step[:: max(1, step.size // 4)])
-    grid[-1].annotate("reset to [0, 1]", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
-    grid[-1].annotate("without a reset", (0.97, 0.2), xycoords="axes fraction", ha="right", color=BLUE)
+    grid[-1].annotate("with resets", (0.97, 0.83), xycoords="axes fraction", ha="right", va="top", color=ORANGE)
+    grid[-1].annotate("without resets", (0.97, 0.2), xycoords="axes fraction", ha="right", color=BLUE)
     grid[0].set_ylabel("relative distance from $p_t$")
     return figure
 

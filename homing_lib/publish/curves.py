@@ -25,7 +25,7 @@ from homing_lib.study.questions.simple import FROZEN, OF_SHORTEST, OF_SHORTEST_F
 def learning_curves(steps: Array, rewards: Array, changes: Array, random_rewards: Array, found: Headline) -> Figure:
     """The paper's Fig. 6: steps, reward and parameter change per episode: mean and range of the runs.
 
-    steps, rewards, changes: shape (runs, episodes); random_rewards: of the random policy; found: their headline.
+    steps, rewards, changes: shape (runs, episodes); random_rewards: of random actions; found: their headline.
     """
     first, last, random, rates = found.first, found.last, found.random, found.settings.step_size_rates
     figure = plt.figure(figsize=(TEXT_WIDTH, 4.3))
@@ -36,7 +36,7 @@ def learning_curves(steps: Array, rewards: Array, changes: Array, random_rewards
     top.axhspan(random.low, random.high, color=GREY, alpha=0.25, linewidth=0)
     top.axhline(random.value, **DASHED)
     at = episodes[-1] + 0.4, 1.08 * random.high
-    note(top, f"uniform random policy: {_steps(random)}", at, va="bottom", ha="right")
+    note(top, f"random actions: {_steps(random)}", at, va="bottom", ha="right")
     for part, mean, name in ((slice(None, WINDOW), first, "first"), (slice(-WINDOW, None), last, "last")):
         ends = episodes[part][0] - 0.4, episodes[part][-1] + 0.4
         below = 0.85 * steps[:, part].min()
@@ -49,14 +49,14 @@ def learning_curves(steps: Array, rewards: Array, changes: Array, random_rewards
     top.set(ylabel=f"steps: mean and range of {len(steps)} runs", ylim=(steps.min() * 0.5, None))
 
     _mean_and_range(middle, episodes, rewards)
-    level(middle, float(np.nanmean(random_rewards)), "uniform random policy", at=0.55)
-    middle.set(title="Reward per episode", ylabel="summed reward")
+    level(middle, float(np.nanmean(random_rewards)), "random actions", at=0.55)
+    middle.set(title="Reward per episode: mean and range", ylabel="summed reward")
 
     _mean_and_range(right, episodes, changes)
     share = rates * np.nanmean(changes[:, 0]) / rates[0]
     right.plot(episodes, share, color=INK, linestyle=(0, (1, 1.5)), linewidth=1)
     beside(right, "the step size's own fall", (episodes[-1], share[-1]), (0, 11), ha="right")
-    right.set(title="Parameter change per episode", ylabel="summed $|\\Delta\\theta|$", yscale="log")
+    right.set(title="Parameter change: mean and range", ylabel="summed $|\\Delta\\theta|$", yscale="log")
     for axes in figure.axes:
         axes.set(xlabel="episode", xlim=(0.4, episodes[-1] + 0.6), xticks=episodes[[0, *range(4, episodes.size, 5)]])
     return figure
@@ -92,7 +92,7 @@ def learns(atlas: Array, camera: Array, levels: Mapping[str, float], frozen: Map
     log_axis(axes, "y")
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     beside(axes, f"{len(atlas):,} robots on the atlas", (6.2, 240), (0, 0), color=COLOURS["form 2"])
-    beside(axes, f"{len(camera)} with the camera", (1.5, 78), (0, 0), color=COLOURS["camera"])
+    beside(axes, f"{len(camera)} with the camera", (12.5, 23), (0, 0), color=COLOURS["camera"])
     return figure
 
 
@@ -206,7 +206,6 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
     """A measure of runs against the step size. errors: by rule, shape (runs, step sizes); above `top`, not drawn."""
     figure, (axes,) = panels(3.1)
     ends: dict[str, tuple[float, float]] = {}
-    least = (np.inf, "", 0.0)
     for (name, table), line in zip(errors.items(), cycle(LINES), strict=False):
         mean, low, high = band(np.minimum(table, 1e6))
         drawn = mean <= top
@@ -215,11 +214,10 @@ def over_step_sizes(step_sizes: Array, errors: Mapping[str, Array], ylabel: str,
             continue
         curve(axes, step_sizes[drawn], np.array([mean, low, np.minimum(high, top)])[:, drawn], line)
         best = mean.argmin()
-        least = min(least, (mean[best], name, step_sizes[best]))
         axes.plot(step_sizes[best], mean[best], "o", color=line[0], markersize=4)
         ends[name] = step_sizes[drawn][-1], mean[drawn][-1]
     axes.set(xlabel="step size $\\alpha$", ylabel=ylabel, xscale="log", ylim=(None, top))
-    axes.set_title(f"Least with {least[1]}: {least[0]:.2f} at {least[2]:g} (dots: the best step size of each)")
+    axes.set_title(f"Each has a best step size of its own (dots); errors above {top:g} are not drawn")
     axes.set_xticks(step_sizes, [f"{size:g}" for size in step_sizes])
     axes.minorticks_off()
     label_ends(axes, ends)

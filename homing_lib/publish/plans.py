@@ -57,9 +57,10 @@ def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room
     _draw_ends(plan, room, settings.body_diameter_m)
     for name, pose in (("home", room.home), ("start", room.start)):
         plan.add_patch(patches.Polygon(in_sight(pose, room, settings), color="white", alpha=0.35, linewidth=0.8))
-        note(plan, name, (pose.x, pose.y - 0.06), va="top", ha="center")
+        behind = _ahead(pose, -0.07)
+        note(plan, name, behind, va="center", ha="right" if behind[0] < pose.x else "left")
     for thing in room.objects:
-        ahead, across = (thing.size[0] / 2, thing.size[1] / 2) if isinstance(thing, Box) else (0, thing.radius)
+        ahead, across = (thing.size[0] / 2, thing.size[1] / 2 + 0.05) if isinstance(thing, Box) else (0, thing.radius)
         away = 1 if thing.y >= room.home.y else -1
         at, va = (thing.x + ahead, thing.y + away * (across + 0.02)), "bottom" if away > 0 else "top"
         note(plan, thing.name, at, va=va, ha="right" if ahead else "center")
@@ -188,7 +189,7 @@ def home(
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
     plan.contour(x, y, similarity, levels=[psi_upper], colors="white", linewidths=1.4)
     every = slice(None, None, max(1, len(stops[0]) // 500))
-    plan.plot(stops[0][every], stops[1][every], ".", color=COLOURS["frozen"], markersize=2, alpha=0.8)
+    plan.plot(stops[0][every], stops[1][every], ".", color=COLOURS["learning on"], markersize=2, alpha=0.8)
     draw_floor_plan(plan, room)
     plan.set_title("dots: where robots stopped")
     heading.plot(turned, profile, color=INK)
@@ -197,9 +198,9 @@ def home(
     beside(heading, "$\\psi_{upper}$: it\nstops above", at, (0, 14), xycoords=("axes fraction", "data"))
     count, edges = np.histogram(stops[2], bins=np.arange(-95, 96, 10))
     floor = profile.min()
-    heading.bar(edges[:-1] + 5, 0.14 * count / count.max(), 8, bottom=floor, color=COLOURS["frozen"], alpha=0.6)
+    heading.bar(edges[:-1] + 5, 0.14 * count / count.max(), 8, bottom=floor, color=COLOURS["learning on"], alpha=0.6)
     heading.set(xlabel="turned from home's heading (degrees)", xlim=(-90, 90), xticks=range(-90, 91, 45))
-    heading.set(ylabel="similarity NRB", title="bars: where robots looked")
+    heading.set(ylabel="similarity NRB", title="bars: stops by heading")
     return figure
 
 

@@ -62,7 +62,7 @@ def control(name: str, value: Any) -> Any:
 
 
 def setting(rule: str, lambda_: float) -> str:
-    """The rule as settings name it. lambda_: the fixed one, or that of a rule where its ratio is 0/0, its guard."""
+    """The rule as settings name it. lambda_: the fixed one, or its guard, where another rule divides by zero."""
     return f"{rule}:{lambda_:g}" if rule == "fixed" else f"{rule}:on_zero={lambda_:g}"
 
 
@@ -96,5 +96,5 @@ def on_the_robot(rule: str, lambda_: float, step_size: float) -> Figure:
     for number in (1, 2, 5, 10, 20):
         finished = number <= len(run.lengths)
         path = run.episode(number)[:, :2] if finished else np.empty((0, 2))
-        ways.append((f"episode {number}: {f'{len(path)} steps' if finished else 'weights lost'}", path))
+        ways.append((f"episode {number}: {f'{len(path)} steps' if finished else 'diverged'}", path))
     return plans.paths({"one run": ways}, room_named(settings.room))
