@@ -82,21 +82,22 @@ class Atlas:
     counts: pixels in each bin, shape (positions, headings, 3 B), and `views` the same, shape (lattice poses, 3 B);
     infrared_m: shape (positions, headings, 8); clearance_m: shape (nx, ny). The positions are those where a body can
     nearly stand, in the order of clearance_m; `position`, shape (nx, ny): the first lattice pose of each, or -1.
+    `readings`, shape (lattice poses, 8): infrared_m. From x0, y0, heading0 a lattice has steps per_metre, per_radian.
     """
 
     def __init__(self, lattice: Lattice, counts: NDArray[Any], infrared_m: Array, clearance_m: Array) -> None:
-        self.lattice, self.counts, self.infrared_m, self.clearance_m = lattice, counts, infrared_m, clearance_m
+        self.counts, self.infrared_m, self.clearance_m = counts, infrared_m, clearance_m
         self.views = counts.reshape(-1, counts.shape[2])
-        self._readings = infrared_m.reshape(len(self.views), -1)
+        self.readings = infrared_m.reshape(len(self.views), -1)
         self.pixels, self.most = int(counts[0, 0].sum()) // 3, self.views.max(axis=0)  # of a channel; in each bin
         self.position = position = np.full(clearance_m.shape, -1)
         position[clearance_m >= -lattice.margin] = np.arange(len(counts)) * lattice.headings
         # Python's own numbers and lists: for one item they are quicker than arrays.
         self._position: list[list[int]] = position.tolist()
         self._clearance: list[list[float]] = clearance_m.tolist()
-        self._x0, self._y0, self._heading0 = lattice.x0, lattice.y0, lattice.home.heading
-        self._last_i, self._last_j, self._headings = lattice.nx - 1, lattice.ny - 1, lattice.headings
-        self._per_metre, self._per_radian = 1 / lattice.spacing, lattice.headings / (2 * pi)
+        self.x0, self.y0, self.heading0 = lattice.x0, lattice.y0, lattice.home.heading
+        self._last_i, self._last_j, self.headings = lattice.nx - 1, lattice.ny - 1, lattice.headings
+        self.per_metre, self.per_radian = 1 / lattice.spacing, lattice.headings / (2 * pi)
 
     def histogram(self, pose: Pose) -> Array:
         """Scaled histograms of the nearest lattice pose (eq. 11), shape (3 B,)."""
@@ -106,11 +107,11 @@ class Atlas:
 
     def infrared(self, pose: Pose) -> Array:
         """Metres that the sensors see at the nearest lattice pose, shape (8,)."""
-        return self._readings[self.nearest(pose)]
+        return self.readings[self.nearest(pose)]
 
     def clearance(self, x: float, y: float) -> float:
         """Metres to the nearest obstacle, interpolated linearly between the four lattice positions around."""
-        u, v = (x - self._x0) * self._per_metre, (y - self._y0) * self._per_metre
+        u, v = (x - self.x0) * self.per_metre, (y - self.y0) * self.per_metre
         if not (0 <= u < self._last_i and 0 <= v < self._last_j):
             return _OUTSIDE_M
         i, j = int(u), int(v)
@@ -121,10 +122,10 @@ class Atlas:
     def nearest(self, pose: Pose) -> int:
         """The number of the nearest lattice pose: 0, 1, ... in the order of `counts`."""
         x, y, heading = pose
-        position = self._position[round((x - self._x0) * self._per_metre)][round((y - self._y0) * self._per_metre)]
+        position = self._position[round((x - self.x0) * self.per_metre)][round((y - self.y0) * self.per_metre)]
         if position < 0:
             raise ValueError(f"pose ({x:.3f}, {y:.3f}): the atlas has no view from there, the robot cannot stand there")
-        return position + round((heading - self._heading0) * self._per_radian) % self._headings
+        return position + round((heading - self.heading0) * self.per_radian) % self.headings
 
 
 def open_atlas(room: Room, settings: Settings, folder: Path | None = None, *, workers: int = -1) -> Atlas:
@@ -214,7 +215,7 @@ def read_stored(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] |
     """The arrays of a file; None if there is none, or, having said so, if it is damaged."""
     try:
         about, arrays = read_arrays(path)
-        if about != _checksum(path, arrays):
+        if about != {"name": path.stem, "arrays": sorted(arrays)}:
             raise DamagedFile(f"{path}: damaged file (not what was written under this name, or by an older version)")
     except FileNotFoundError:
         return None
@@ -225,19 +226,13 @@ def read_stored(path: Path, *, quiet: bool = False) -> dict[str, NDArray[Any]] |
     return arrays
 
 
-def _checksum(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
-    """What is stored with arrays, by which they are known to be those that were written under this name."""
-    parts = (repr((name, a.shape, a.dtype.str)).encode() + a.tobytes() for name, a in sorted(arrays.items()))
-    return {"name": path.stem, "sha256": hashlib.sha256(b"".join(parts)).hexdigest()}
-
-
 def _build(path: Path, room: Room, settings: Settings, workers: int) -> dict[str, NDArray[Any]]:
     """Render the columns of the lattice in parallel, and store them."""
     jobs = [(i, room, settings) for i in range(Lattice(room, settings).nx)]
     rendered = parallel.results(_column, jobs, workers=workers)
     parts = dict(tqdm(rendered, f"atlas of room {room.name}", total=len(jobs)))
     arrays = {name: np.concatenate([parts[i][name] for i, *_ in jobs]) for name in parts[0]}
-    write_bytes(path, npz_bytes(_checksum(path, arrays), arrays))
+    write_bytes(path, npz_bytes({"name": path.stem, "arrays": sorted(arrays)}, arrays))
     return arrays
 
 

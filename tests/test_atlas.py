@@ -160,9 +160,9 @@ def test_who_builds_an_atlas_goes_with_the_parent_within_ten_seconds_and_leaves_
 
 @pytest.mark.parametrize("harm", ["emptied", "altered"])
 def test_a_damaged_atlas_is_named_and_built_anew(stored, coarse, harm, capsys):
-    about, arrays = read_arrays(stored)
-    arrays["clearance_m"] = arrays["clearance_m"][::-1]
-    stored.write_bytes(b"" if harm == "emptied" else npz_bytes(about, arrays))
+    content = bytearray(stored.read_bytes())
+    content[len(content) // 2] ^= 1
+    stored.write_bytes(b"" if harm == "emptied" else content)
     open_atlas(PAPER, SETTINGS, stored.parent, workers=1)
     (line,) = [one for one in capsys.readouterr().err.replace("\r", "\n").splitlines() if one.startswith("homing: ")]
     assert line.startswith(f"homing: {stored}: damaged file") and line.endswith("built anew")
@@ -172,6 +172,13 @@ def test_a_damaged_atlas_is_named_and_built_anew(stored, coarse, harm, capsys):
 def test_an_atlas_under_another_name_is_not_taken_for_what_was_written_under_it(stored):
     assert read_stored(stored) is not None
     assert read_stored(stored.rename(stored.with_name("paper-00000000-00000000-00000000.npz"))) is None
+
+
+def test_an_atlas_that_lacks_an_array_is_not_taken(stored):
+    about, arrays = read_arrays(stored)
+    del arrays["infrared_m"]
+    stored.write_bytes(npz_bytes(about, arrays))
+    assert read_stored(stored) is None
 
 
 def test_wherever_a_bit_is_flipped_an_atlas_is_refused_or_the_same(stored):

@@ -7,7 +7,6 @@ wrong, so that Python says what. Weights, traces, rates and generators are left 
 robot's reflex and what the learner shows of its last step. `after_episode` is called when all episodes are over.
 """
 
-import math
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -194,19 +193,12 @@ _GIVEN: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
 def _world(atlas: Atlas, views: Any = None) -> Any:
     compiled = load()
     if atlas not in _GIVEN:
-        lattice = atlas.lattice
-        infrared = atlas.infrared_m.reshape(len(atlas.views), -1)
         _GIVEN[atlas] = {
             "views": np.require(atlas.views, np.result_type(atlas.views, np.uint16), ("C", "W")),
-            "front_m": infrared[:, FRONT_SENSORS].min(axis=1),
+            "front_m": atlas.readings[:, FRONT_SENSORS].min(axis=1),
             "position": np.require(atlas.position, np.int64, ("C", "W")),
             "clearance_m": np.require(atlas.clearance_m, np.float64, ("C", "W")),
-            "x0": float(lattice.x0),
-            "y0": float(lattice.y0),
-            "heading0": float(lattice.home.heading),
-            "per_metre": 1 / lattice.spacing,
-            "per_radian": lattice.headings / (2 * math.pi),
-            "headings": int(lattice.headings),
+            **{name: getattr(atlas, name) for name in ("x0", "y0", "heading0", "per_metre", "per_radian", "headings")},
         }
     start, centre = (getattr(views, name, _NONE).astype(np.int32) for name in ("start", "centre"))
     return compiled.World(**_GIVEN[atlas], values=getattr(views, "values", _NONE), start=start, centre=centre)
