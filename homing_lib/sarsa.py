@@ -1,11 +1,7 @@
 """The learner of Fig. 2: a linear action-value function, Q(s, a) = phi(s)^T theta(a), and eqs. (1), (17), (18).
 
-    value_of, td_error, decayed, dutch    its equations, each to be called by itself
-    LinearSarsa                           Sarsa(lambda_t), on-policy: the update, once
-    LinearQ                               Watkins's Q(lambda_t), off-policy
-
-Either learner is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape
-(actions, n). TD prediction itself (`td`) is the same update with one action.
+It is TD prediction on state-action features: phi(s, a) is phi(s) in the row of a and zero elsewhere, shape (actions,
+n). TD prediction itself (`td`) is the same update with one action. Each equation is a function to be called by itself.
 
 A name that ends in `_tm1` belongs to the state that a step leaves, one in `_t` to what the step leads to (the paper's
 t and t + 1).
@@ -30,14 +26,7 @@ silent = np.errstate(all="ignore")  # a decorator: NumPy's warnings of overflow 
 
 
 class Diverged(ArithmeticError):
-    """The weights left the finite numbers at update `step` (1, 2, ...): an outcome of a run, to be recorded as such."""
-
-    def __init__(self, step: int, rule: str, step_size: float) -> None:
-        super().__init__(step, rule, step_size)
-        self.step, self.rule, self.step_size = step, rule, step_size
-
-    def __str__(self) -> str:
-        return f"weights not finite after step {self.step}, lambda rule {self.rule}, step size {self.step_size}"
+    """The weights left the finite numbers: an outcome of a run, to be recorded as such."""
 
 
 def value_of(weights: Array, phi: Array, name: str = "phi") -> float:
@@ -226,9 +215,7 @@ class LinearSarsa:
         return self.lambda_
 
     def _plain(self, ratio: Any, delta: float) -> float:
-        """The ratio as a float. ValueError, in one line, if it is no finite number; `on_zero` if the TD error is none
-        either.
-        """
+        """The ratio as a float, or `on_zero` if the TD error is not finite either. ValueError for any other ratio."""
         if isinstance(ratio, Real | np.ndarray) and not getattr(ratio, "shape", ()) and isfinite(ratio):
             return float(ratio)
         if not isfinite(delta):  # the weights are about to diverge, and that is not the rule's fault
@@ -253,7 +240,8 @@ class LinearSarsa:
         squares = dot(change, change)
         # A finite sum of squares bounds each change by 1e155, by which no finite weight can overflow.
         if not isfinite(squares) and not np.isfinite(self._theta).all():
-            raise Diverged(self.steps, name_of(self.lambda_rule), self._step_size)
+            how = f"lambda rule {name_of(self.lambda_rule)}, step size {self._step_size}"
+            raise Diverged(f"weights not finite after step {self.steps}, {how}")
         largest = 1.0 if isfinite(squares) else float(np.abs(change).max())
         self.change = largest * sqrt(squares if largest == 1 else dot(change / largest, change / largest))
 

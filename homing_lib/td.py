@@ -1,11 +1,7 @@
-"""Temporal-difference prediction with a linear value function: eqs. (1)-(6) of the paper.
+"""Temporal-difference prediction with a linear value function, eqs. (1)-(6): `sarsa.LinearSarsa` with one action.
 
-    LinearTD        TD(lambda), accumulating traces, any lambda rule
-    TrueOnlineTD    true online TD(lambda), which equals the online forward view at every step
-
-Both are the update of `sarsa.LinearSarsa` with one action. Under the lambda of eq. (7), unclipped, the first is
-conjugate gradient: the theorem on which the paper builds, tested by `study.theorem`. A step is
-`update(phi, reward, phi_next)`: phi_t, r_{t+1}, phi_{t+1}.
+A step is `update(phi, reward, phi_next)`: phi_t, r_{t+1}, phi_{t+1}. Under the lambda of eq. (7), unclipped, `LinearTD`
+is conjugate gradient: the theorem on which the paper builds, tested by `study.theorem`.
 """
 
 from typing import Any
@@ -52,8 +48,9 @@ class LinearTD(LinearSarsa):
 
 
 class TrueOnlineTD(LinearTD):
-    """True online TD(lambda): van Seijen et al., True online temporal-difference learning, JMLR 17 (2016), with a
-    lambda that may vary.
+    """True online TD(lambda), which equals the online forward view at every step, with a lambda that may vary.
+
+    van Seijen et al., True online temporal-difference learning, JMLR 17 (2016).
 
         e_t = gamma lambda_t e_{t-1} + (1 - alpha gamma lambda_t e_{t-1}^T phi_t) phi_t        the dutch trace
         theta_{t+1} = theta_t + alpha delta_t e_t + alpha (theta_t - theta_{t-1})^T phi_t (e_t - phi_t)

@@ -151,8 +151,8 @@ def test_weights_that_leave_the_finite_numbers_raise_an_error_that_says_when_and
             step(learner, [1, 0.5], 1, [0.5, 1])
     assert not np.isfinite(learner.weights).all()
     for diverged in (outcome.value, pickle.loads(pickle.dumps(outcome.value))):  # as from another process
-        assert (diverged.step, diverged.rule, diverged.step_size) == (learner.steps, name, 50.0)
-        assert all(word in str(diverged) for word in (f"step {learner.steps},", name, "50.0"))
+        assert isinstance(diverged, Diverged)
+        assert str(diverged) == f"weights not finite after step {learner.steps}, lambda rule {name}, step size 50.0"
 
 
 # Watkins's Q(lambda)

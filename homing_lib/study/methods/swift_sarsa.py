@@ -77,7 +77,8 @@ class SwiftSarsa(LinearSarsa):
             delta = reward + self.discount * self._value - before
         self.steps += 1
         if not isfinite(delta):
-            raise Diverged(self.steps, "of Swift-Sarsa", self._step_size)
+            how = f"lambda rule of Swift-Sarsa, step size {self._step_size}"
+            raise Diverged(f"weights not finite after step {self.steps}, {how}")
         return delta
 
 
