@@ -34,14 +34,6 @@ def npz_bytes(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
     return buffer.getvalue()
 
 
-def part_of(path: Path) -> Path:
-    """Where a file is written until it is whole: beside it, of the same suffix, under a name that nobody else has.
-
-    Not by the number of the process alone: in another container that shares the folder it is another process's.
-    """
-    return path.with_name(f".{path.stem}.{os.getpid()}-{token_hex(4)}.part{path.suffix}")
-
-
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """Atomic write: yields a temporary path of the same suffix, then renames it to `path`, or to what that links to.
@@ -53,7 +45,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
         place = Path(os.path.realpath(path)) if path.is_symlink() else path
         if "\0" in str(path) or place.is_symlink() or (place.exists() and not place.is_file()):
             raise OSError("this names no ordinary file; choose another name")
-        part = part_of(place)
+        # Not by the number of the process alone: in another container that shares the folder it is another process's.
+        part = place.with_name(f".{place.stem}.{os.getpid()}-{token_hex(4)}.part{place.suffix}")
         place.parent.mkdir(parents=True, exist_ok=True)
         yield part
         part.replace(place)

@@ -21,14 +21,12 @@ def wander(world: World, settings: Settings, home: Pose, rng: np.random.Generato
     return seen
 
 
-def survey(
-    world: World, settings: Settings, home: Pose, rng: np.random.Generator, *, wander: Callable[..., Array] = wander
-) -> HomeModel:
+def survey(world: World, settings: Settings, home: Pose, rng: np.random.Generator) -> HomeModel:
     """Take the snapshots, wander, and estimate sigma^2 from all that was seen (section III.A-B, E9).
 
     The first snapshot faces home, further ones are turned by `snapshot_angle_deg` to either side.
     """
-    return surveys(world, settings, [home], rng, wander=wander)[0]
+    return surveys(world, settings, [home], rng)[0]
 
 
 def surveys(
