@@ -2,7 +2,7 @@
 
 import tomllib
 from collections import Counter
-from math import radians
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
@@ -23,6 +23,10 @@ class Pose(NamedTuple):
     x: float
     y: float
     heading: float
+
+    def ahead(self, metres: float, turn: float = 0.0) -> tuple[float, float]:
+        """The position so many metres ahead, or in the direction turned by `turn` radians from there."""
+        return self.x + metres * cos(self.heading + turn), self.y + metres * sin(self.heading + turn)
 
 
 def _in_radians(pose: Any) -> Any:

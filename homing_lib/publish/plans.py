@@ -4,7 +4,7 @@ Home is a white square and the start a white triangle wherever they are drawn; b
 """
 
 from collections.abc import Mapping, Sequence
-from math import cos, pi, radians, sin
+from math import pi, radians
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -57,7 +57,7 @@ def room_views(oblique: Image, top: Image, home: Image, start: Image, room: Room
     _draw_ends(plan, room, settings.body_diameter_m)
     for name, pose in (("home", room.home), ("start", room.start)):
         plan.add_patch(patches.Polygon(in_sight(pose, room, settings), color="white", alpha=0.35, linewidth=0.8))
-        behind = _ahead(pose, -0.07)
+        behind = pose.ahead(-0.07)
         note(plan, name, behind, va="center", ha="right" if behind[0] < pose.x else "left")
     for thing in room.objects:
         ahead, across = (thing.size[0] / 2, thing.size[1] / 2 + 0.05) if isinstance(thing, Box) else (0, thing.radius)
@@ -150,7 +150,7 @@ def tours(
     draw_floor_plan(plan, room)
     for which, pose in enumerate(homes, 1):
         _draw_home(plan, pose)
-        note(plan, str(which), _ahead(pose, 0.08, pi / 2), ha="center", va="center", fontweight="bold")
+        note(plan, str(which), pose.ahead(0.08, pi / 2), ha="center", va="center", fontweight="bold")
     for place, ((goal, path), (colour, dashes)) in enumerate(zip(legs, LINES, strict=False)):
         plan.plot(*path.T, color=colour, linestyle=dashes)
         plan.plot(*path[-1], "o", color=colour, markeredgecolor=INK, markeredgewidth=0.6, markersize=4, zorder=5)
@@ -228,15 +228,15 @@ def _draw_ends(axes: Axes, room: Room, diameter_m: float = 0.07) -> None:
     """Home, a square, and the start, a triangle: as wide as the robot, and pointing where it looks."""
     radius = diameter_m / 2
     _draw_home(axes, room.home, radius)
-    axes.add_patch(patches.Polygon([_ahead(room.start, 1.3 * radius, turn) for turn in (0.0, 2.4, -2.4)], **_END))
+    axes.add_patch(patches.Polygon([room.start.ahead(1.3 * radius, turn) for turn in (0.0, 2.4, -2.4)], **_END))
 
 
 _END: dict[str, Any] = {"closed": True, "facecolor": "white", "edgecolor": INK, "linewidth": 0.9, "zorder": 3}
 
 
 def _draw_home(axes: Axes, home: Pose, radius: float = 0.035) -> None:
-    axes.add_patch(patches.Polygon([_ahead(home, radius * 2**0.5, pi / 4 + k * pi / 2) for k in range(4)], **_END))
-    axes.plot(*zip(home[:2], _ahead(home, radius), strict=True), color=INK, linewidth=1.4, zorder=4)
+    axes.add_patch(patches.Polygon([home.ahead(radius * 2**0.5, pi / 4 + k * pi / 2) for k in range(4)], **_END))
+    axes.plot(*zip(home[:2], home.ahead(radius), strict=True), color=INK, linewidth=1.4, zorder=4)
 
 
 def _draw_walls(axes: Axes, room: Room) -> None:
@@ -261,7 +261,7 @@ def _draw_walls(axes: Axes, room: Room) -> None:
 
 def in_sight(pose: Pose, room: Room, settings: Settings) -> Array:
     """Corners of the floor that the camera sees, shape (122, 2): itself, then where each ray of 121 is stopped."""
-    eye = np.array(_ahead(pose, settings.camera_offset_m))
+    eye = np.array(pose.ahead(settings.camera_offset_m))
     half = radians(settings.field_of_view_deg) / 2
     rays = 121
     angle = pose.heading + np.linspace(-half, half, rays)
@@ -275,7 +275,3 @@ def in_sight(pose: Pose, room: Room, settings: Settings) -> Array:
             stopped |= np.hypot(x - thing.x, y - thing.y) <= thing.radius
     first = np.arange(rays), stopped.argmax(axis=1)
     return np.vstack([eye, np.stack([x[first], y[first]], axis=1)])
-
-
-def _ahead(pose: Pose, metres: float, turn: float = 0.0) -> tuple[float, float]:
-    return pose.x + metres * cos(pose.heading + turn), pose.y + metres * sin(pose.heading + turn)
