@@ -1,9 +1,4 @@
-"""An experiment as the paper describes it: look at home, survey, then learn for some episodes (Fig. 2, section IV).
-
-run          the whole experiment, by the agent that the settings name or by one of your own
-Agent        what an agent is: three methods
-SarsaAgent, RandomAgent, ClimbingAgent
-"""
+"""An experiment as the paper describes it: look at home, survey, then learn for some episodes (Fig. 2, section IV)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,8 +10,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from homing_lib.environment import HomingEnv, seed_of
-from homing_lib.errors import UserError, misfit, shown
+from homing_lib.environment import HomingEnv
+from homing_lib.errors import UserError, misfit, seed_of, shown
 from homing_lib.features import Array, HomeModel, similarity
 from homing_lib.lambdas import AnyRule, LambdaRule, lambda_spec, name_of
 from homing_lib.policy import action_probabilities, decrease_rate, sample
@@ -73,7 +68,6 @@ class Agent(Protocol):
         """
 
 
-_RETURNED = Learnt, type(None)
 AgentFactory = Callable[[Settings, np.random.Generator], Agent]
 
 
@@ -207,7 +201,7 @@ def run_episode(
         action, reflex, at_wall = info["action"], info["reflex"], info["at_wall"]
         next_action = agent.choose(phi_next) if reflex < 0 else reflex
         learnt = agent.learn(phi, action, float(reward), phi_next, next_action, terminated, at_wall)
-        if not isinstance(learnt, _RETURNED):
+        if learnt is not None and not isinstance(learnt, Learnt):
             returned = f"{type(agent).__name__} returned {shown(learnt)}"
             raise UserError(f"agent: learn of {returned}; it must return homing_lib.agent.Learnt(...) or None")
         steps.append((*info["pose"], action, reward, info["similarity"], *(learnt or Learnt()), at_wall))

@@ -1,29 +1,29 @@
 """The task as a Gymnasium environment: the model's sections III.B-E and IV as one contract."""
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
-from math import cos, isfinite, pi, sin
+from contextlib import nullcontext
+from math import isfinite
 from operator import index
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import cv2
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 
-from homing_lib import atlas
-from homing_lib.errors import UserError, shown
+from homing_lib.atlas import Atlas, open_atlas, open_compact, require_camera
+from homing_lib.errors import UserError, seed_of, shown
 from homing_lib.features import CountedViews, HomeModel, histogram, similarity
-from homing_lib.robot import Robot, World, wrapped
-from homing_lib.rooms import Pose, Room, room_named
+from homing_lib.robot import Robot, draw, wrapped
+from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.surfaces import Image
 from homing_lib.survey import free_pose, surveys
 from homing_lib.thresholds import stopping_thresholds
 
+if TYPE_CHECKING:
+    from homing_lib.arena import Arena
+
 CONSTANT_COST = sum(1 / t for t in range(1, 101)) / 100  # what `step_cost = "constant"` charges per step
 _SURVEYS: dict[tuple[Any, ...], list[HomeModel]] = {}  # of this process, by all that they depend on, and the threshold
-_WHITE, _YELLOW, _BLACK = (255, 255, 255), (255, 220, 0), (0, 0, 0)
 
 
 class HomingEnv(gymnasium.Env[Any, Any]):
@@ -65,15 +65,14 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     The pose follows the action's arc to its end, or to where the body touches something. A step that is stopped
     sets off the reactive behaviour (V.A): from the next step on, **whatever is commanded**, the robot turns in place by
     `turn_deg` per step to one random side, until its four front infra-red sensors see at least `clear_way_m` free.
-    Such a turn counts as that side's action; `info` says which action was driven, and is to be credited.
+    Such a turn counts as that side's action, which is to be credited: `info` says what was driven.
 
     ## Reward
 
         r_t = -1/t,    plus 2 NRB_t - NRB_(t-1) if both reach psi_lower    (16)
 
     less `wall_penalty` where `at_wall` (V.A); psi_lower (19) is from `multiplier` - `band`. `step_cost` changes the
-    first, `approach_reward` drops the second part; `reward_scale` multiplies the whole. Home pays `terminal_bonus`,
-    unscaled.
+    first, `approach_reward` drops the second part; `reward_scale` multiplies all but `terminal_bonus`, which home pays.
 
     ## Starting state
 
@@ -84,10 +83,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ## Episode end
 
-    | flag         | when                                                                          |
-    |--------------|-------------------------------------------------------------------------------|
-    | `terminated` | NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)) (19)                         |
-    | `truncated`  | after `max_steps` steps without that                                          |
+    An episode is `terminated` where NRB >= psi_upper = 1 - 1/(pi sqrt(`multiplier`)) (19), and `truncated` after
+    `max_steps` steps without that.
 
     ## Info
 
@@ -109,12 +106,11 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     | seeds   | `survey, agent, world = numpy.random.SeedSequence(seed).spawn(3)`: the first is `survey_seed` (0 here |
     |         | by default, so that all robots know home equally well), the second is the learner's own; the third    |
     |         | seeds the world: `reset(seed=int(world.generate_state(1)[0]))`, and a further `reset()` each episode  |
-    | start   | the room's, in every episode, unless `start` is "uniform"                                             |
     | home    | is valued like any other view (`bootstrap_terminal`): it looks ahead from the last step of an episode |
     |         | too, where other learners take 0 if `terminated`                                                      |
     | rates   | step size and exploration fall from episode to episode (23), from `alpha0` and `epsilon0`             |
     | values  | begin at n NRB, since all weights begin at `theta0` = 1: far more than a step is paid                 |
-    | credit  | goes to the action driven, `info["action"]`; it learns at walls too (`learn_at_walls`)                |
+    | walls   | are learnt from too (`learn_at_walls`)                                                                |
     | end     | after `episodes` episodes; one that is `truncated` counts with all of its steps                       |
 
     ## Arguments
@@ -129,13 +125,12 @@ class HomingEnv(gymnasium.Env[Any, Any]):
 
     ```
 
-    `settings` is a whole `Settings`; any further keyword is one of its fields (in `make_vec`, whose specification JSON
-    can hold only so, `**settings.model_dump()`), e.g. `room="paper"`, `images="atlas"`
-    (histograms from a lattice of poses, tens of thousands of steps a second; features only) or "compact"
-    (the same from a file that ships with the library, on a coarser lattice: nothing is rendered, PyBullet is not
-    needed). `home`: another pose at which the snapshot is taken. `render_mode="rgb_array"`: the room from above, uint8,
-    480 pixels wide, with home, the path so far and the robot; for this PyBullet is needed whatever the images are
-    (without, `check_env(env, skip_render_check=True)`). `close()` frees the simulator.
+    `settings` is a whole `Settings`; any further keyword is one of its fields (for a specification that JSON can hold,
+    `**settings.model_dump()`), e.g. `room="paper"`, `images="atlas"` (histograms from a lattice of poses, tens of
+    thousands of steps a second; features only) or "compact" (the same from a file that ships with the library, on a
+    coarser lattice: nothing is rendered, PyBullet is not needed). `home`: another pose at which the snapshot is taken.
+    `render_mode="rgb_array"`: the room from above, uint8, 480 pixels wide, with home, the path so far and the robot;
+    for this PyBullet is needed whatever the images are (without, `check_env(env, skip_render_check=True)`).
 
     `homes`: several such poses in place of `home`. The robot has a snapshot of each, and surveys the room once for all,
     from the first. It seeks one of them, at first the first: `seek(k)` says which, and features, reward and end speak
@@ -143,7 +138,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012, as Gymnasium declares it
-    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -186,16 +180,15 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._top_view: Image | None = None
         self._under_way = self.closed = False
 
-        self.world: World
-        self._arena: Any = None  # an Arena, whose module is loaded where it is needed
-        self._atlas: atlas.Atlas | None = None
+        self.world: Atlas | Arena
         if settings.images == "camera":
-            from homing_lib import arena
+            from homing_lib import arena  # only where it is needed: it loads PyBullet
 
-            self.world = self._arena = arena.Arena(self.room, settings)
+            self.world = arena.Arena(self.room, settings)
+        elif settings.images == "atlas":
+            self.world = open_atlas(self.room, settings)
         else:
-            open_ = atlas.open_compact if settings.images == "compact" else atlas.open_atlas
-            self.world = self._atlas = open_(self.room, settings)
+            self.world = open_compact(self.room, settings)
         try:
             poses = homes or [self.room.home if home is None else home]
             self.homes = tuple(self.fitting_pose("home", pose) for pose in poses)
@@ -209,17 +202,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self.robot = Robot(self.world, settings, self.home)
 
     @property
-    def spec(self) -> EnvSpec | None:
-        """What Gymnasium makes another like this from, if it made this one. JSON can hold it: settings are by field."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        if spec is not None and isinstance(settings := spec.kwargs.pop("settings", None), Settings):
-            spec.kwargs = {**settings.model_dump(exclude_defaults=True), **spec.kwargs}
-        self._spec = spec
-
-    @property
     def model(self) -> HomeModel | None:
         """What the robot knows of the home that it seeks: None until it has surveyed the room."""
         return self.models[self.sought]
@@ -227,8 +209,8 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     @model.setter
     def model(self, model: HomeModel | None) -> None:
         self.models[self.sought] = model
-        if self._atlas is not None and model is not None:
-            self.views = CountedViews(model, self._atlas.most, self._atlas.pixels)
+        if isinstance(self.world, Atlas) and model is not None:
+            self.views = CountedViews(model, self.world.most, self.world.pixels)
 
     def seek(self, number: int) -> None:
         """Let the robot seek another of the `homes`, 0, 1, ..., from the next `reset` on."""
@@ -266,11 +248,6 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         observation, self._similarity = self._look()
         return observation, self._info(-1, False)
 
-    def place(self, pose: tuple[float, float, float]) -> None:
-        """Carry the robot to a free pose in mid-episode: it is kidnapped, and sees so at its next step."""
-        self._require()
-        self.robot.place(self.fitting_pose("place", pose))
-
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one action, or the reflex."""
         self._require()
@@ -282,8 +259,7 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         self._similarity, terminated = nrb, nrb >= self._psi_upper
         gain = reward(self._steps, nrb, before, self._psi_lower, at_wall, self.settings, home=terminated)
         truncated = not terminated and self._steps >= self.settings.max_steps
-        if self.render_mode is not None:
-            self._path.append(self.robot.pose[:2])
+        self._path.append(self.robot.pose[:2])
         return observation, gain, terminated, truncated, self._info(driven, at_wall)
 
     def render(self) -> Image | None:
@@ -293,22 +269,23 @@ class HomingEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn('render() needs a render mode: make the environment with render_mode="rgb_array"')
             return None
         if self._top_view is None:
-            atlas.require_camera("render: the picture of the room from above")
-            from homing_lib import arena
+            require_camera("render: the picture of the room from above")
+            from homing_lib.arena import Arena
 
-            with nullcontext(self._arena) if self._arena else arena.Arena(self.room, self.settings) as world:
+            with nullcontext(self.world) if isinstance(self.world, Arena) else Arena(self.room, self.settings) as world:
                 self._top_view = world.top_view()
-        return draw(self._top_view, self.room, self.settings, self._path, self.robot.pose, self.home)
+        radius_m = self.settings.body_diameter_m / 2
+        return draw(self._top_view, self.room, radius_m, self._path, self.robot.pose, self.home)
 
     def close(self) -> None:
         """Free the simulator. Closing twice is harmless; anything else afterwards is refused."""
-        if self._arena is not None:
-            self._arena.close()
+        if not isinstance(self.world, Atlas):
+            self.world.close()
         self.closed, self._under_way = True, False
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         """To be copied or pickled, which a simulator cannot be."""
-        if self._arena is not None:
+        if not isinstance(self.world, Atlas):
             raise UserError('an environment with images="camera" cannot be copied or pickled; make another like it')
         return super().__reduce_ex__(protocol)
 
@@ -321,10 +298,10 @@ class HomingEnv(gymnasium.Env[Any, Any]):
     def _look(self) -> tuple[Any, float]:
         """The observation from where the robot is, and its similarity."""
         assert self.model is not None
-        if self._atlas is not None:
-            features = self.views.features(self._atlas.views[self._atlas.nearest(self.robot.pose)])
+        if isinstance(self.world, Atlas):
+            features = self.views.features(self.world.views[self.world.nearest(self.robot.pose)])
             return features, similarity(features)
-        image = self._arena.image(self.robot.pose)
+        image = self.world.image(self.robot.pose)
         features = self.model.features(histogram(image, self.settings.bin_size))
         return np.ascontiguousarray(image[:, :, :3]) if self._sees_images else features, similarity(features)
 
@@ -361,46 +338,13 @@ class HomingEnv(gymnasium.Env[Any, Any]):
         return Pose(x, y, wrapped(heading))
 
 
-def draw(
-    top_view: Image, room: Room, settings: Settings, path: Sequence[Any], pose: Pose, home: Pose | None = None
-) -> Image:
-    """A copy of `Arena.top_view`, shape (height, width, 3), with home (by default the room's), path and robot."""
-    frame, home = top_view.copy(), home or room.home
-    scale, radius = frame.shape[1] / room.size[0], settings.body_diameter_m / 2
-
-    def pixel(x: float, y: float) -> tuple[int, int]:
-        return round(x * scale), round((room.size[1] - y) * scale)
-
-    def ahead(pose: Pose, metres: float, turn: float = 0.0) -> tuple[int, int]:
-        return pixel(pose.x + metres * cos(pose.heading + turn), pose.y + metres * sin(pose.heading + turn))
-
-    corners = [ahead(home, 1.4 * radius, turn * pi / 4) for turn in (1, 3, 5, 7)]
-    cv2.polylines(frame, [np.array(corners)], True, _WHITE, 2, cv2.LINE_AA)
-    cv2.line(frame, pixel(*home[:2]), ahead(home, radius), _WHITE, 2, cv2.LINE_AA)
-    cv2.polylines(frame, [np.array([pixel(*at) for at in path])], False, _YELLOW, 2, cv2.LINE_AA)
-    cv2.circle(frame, pixel(*pose[:2]), round(radius * scale), _YELLOW, -1, cv2.LINE_AA)
-    cv2.line(frame, pixel(*pose[:2]), ahead(pose, radius), _BLACK, 2, cv2.LINE_AA)
-    return frame
-
-
 def reward(
     step: int, similarity: float, before: float, psi_lower: float, at_wall: bool, settings: Settings, home: bool = False
 ) -> float:
-    """Eq. (16): -1/t, plus 2 NRB_t - NRB_(t-1) while both reach psi_lower; less the penalty at a wall (V.A).
-
-    Scaled; and where the step ends at home, the bonus. similarity, before: NRB_t, NRB_(t-1).
-    """
+    """Eq. (16), as `HomingEnv` states it. similarity, before: NRB_t, NRB_(t-1); home: the step ends there."""
     gain = -1 / step if settings.step_cost == "1/t" else -CONSTANT_COST
     if settings.approach_reward and similarity >= psi_lower and before >= psi_lower:
         gain += 2 * similarity - before
     if at_wall:
         gain -= settings.wall_penalty
     return settings.reward_scale * gain + (settings.terminal_bonus if home else 0.0)
-
-
-def seed_of(what: str, seed: Any) -> Any:
-    """A seed as Python's own number, or a SeedSequence as it is. Raises UserError for anything else, None too."""
-    with suppress(TypeError):
-        if isinstance(seed, np.random.SeedSequence) or index(seed) >= 0:
-            return seed if isinstance(seed, np.random.SeedSequence) else index(seed)
-    raise UserError(f"{what} = {shown(seed)}: must be 0, 1, 2, ...")

@@ -1,10 +1,14 @@
 """What goes wrong by no fault of the code: one line that says what, where and the remedy."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from inspect import signature
 from math import isfinite, nan
+from operator import index
 from typing import Any, SupportsFloat
+
+import numpy as np
 
 RESUMES = "what was finished is kept; the same command resumes from there"  # said of a command that was stopped
 
@@ -54,6 +58,14 @@ def one_of(name: str, value: str, known: tuple[str, ...]) -> None:
     """ValueError, with the list of what is known, unless the value is in it."""
     if value not in known:
         raise ValueError(f"unknown {name} {shown(value)}; known: {', '.join(known)}")
+
+
+def seed_of(what: str, seed: Any) -> Any:
+    """A seed as Python's own number, or a SeedSequence as it is. Raises UserError for anything else, None too."""
+    with suppress(TypeError):
+        if isinstance(seed, np.random.SeedSequence) or index(seed) >= 0:
+            return seed if isinstance(seed, np.random.SeedSequence) else index(seed)
+    raise UserError(f"{what} = {shown(seed)}: must be 0, 1, 2, ...")
 
 
 def misfit(function: Any, *arguments: Any, **named: Any) -> str:

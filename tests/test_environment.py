@@ -23,7 +23,7 @@ from homing_lib.environment import HomingEnv, reward
 from homing_lib.errors import UserError
 from homing_lib.features import histogram
 from homing_lib.robot import GO_FORWARD, LEFT_FORWARD, RIGHT_FORWARD
-from homing_lib.rooms import PAPER
+from homing_lib.rooms import PAPER, Pose
 from homing_lib.settings import Settings
 from homing_lib.survey import survey
 from homing_lib.thresholds import stopping_thresholds
@@ -105,14 +105,16 @@ def test_an_observation_is_a_new_array_that_belongs_to_its_receiver(options):
         assert not any(np.shares_memory(one, other) for one, other in pairwise(kept))
 
 
-def test_its_specification_goes_through_json_with_whole_settings_and_makes_it_again():
-    whole = Settings(images="compact", survey_steps=60, wheel_slip=0.1, lambda_rule="fixed:0.5")
-    with make(settings=whole, observation="features", multiplier=11, home=(0.5, 0.5, 0.0)) as env:
+def test_its_specification_goes_through_json_with_settings_by_their_names_and_makes_it_again_as_do_whole_ones():
+    whole = Settings(images="compact", survey_steps=60, wheel_slip=0.1, lambda_rule="fixed:0.5", multiplier=11)
+    options = {"observation": "features", "home": (0.5, 0.5, 0.0)}
+    with make(**whole.model_dump(), **options) as env:
         specification = EnvSpec.from_json(env.spec.to_json())
         expected = drive(env, random_actions(20), seed=3)
-    with gymnasium.make(specification) as again:
-        assert again.unwrapped.settings == whole.with_changes(multiplier=11)
-        assert_same(drive(again, random_actions(20), seed=3), expected)
+    for again in (gymnasium.make(specification), make(settings=whole, **options)):
+        with again:
+            assert again.unwrapped.settings == whole
+            assert_same(drive(again, random_actions(20), seed=3), expected)
 
 
 def test_wrappers_see_the_same_episode(env):
@@ -251,7 +253,7 @@ def test_uniform_starts_are_free_and_spread_evenly_over_room_and_headings(env):
 
 def test_a_kidnapped_robot_goes_on_from_where_it_is_put(env):
     drive(env, [GO_FORWARD], options={"start": FACING_WALL})
-    env.place((0.5, 0.5, 0.0))
+    env.robot.place(Pose(0.5, 0.5, 0.0))
     info = env.step(GO_FORWARD)[4]
     assert info["pose"] == pytest.approx((0.5 + FORWARD, 0.5, 0.0))
     assert info["action"] == GO_FORWARD
@@ -411,7 +413,6 @@ def test_an_environment_that_cannot_be_is_refused_in_one_line_and_leaves_no_clie
     [
         ("reset", {"options": {"start": (0, 0, 0)}}, rf"start = \(0, 0, 0\): {NO_FIT}"),
         *(("reset", {"options": o}, "options = .*'start'") for o in (5, {"strat": (0, 0, 0)}, ["start"], "start")),
-        ("place", {"pose": (0.0, 0.0, 0.0)}, rf"place = \(0, 0, 0\): {NO_FIT}"),
         *(
             ("step", {"action": action}, "action = .{1,60}: must be 0, 1 or 2$")
             for action in (-1, 3, 0.5, None, "left", np.array([1]), 1.0, [0], np.ones(300))
@@ -427,7 +428,7 @@ def test_what_cannot_be_asked_is_refused_in_one_line_and_nothing_moves(env, meth
 
 
 def test_what_is_asked_before_the_first_reset_or_after_the_end_is_refused_with_its_reason(env):
-    steps = [env.render, partial(env.step, GO_FORWARD), partial(env.place, PAPER.home)]
+    steps = [env.render, partial(env.step, GO_FORWARD)]
     for attempt in steps:
         with pytest.raises(gymnasium.error.ResetNeeded, match=r"reset\(\)"):
             attempt()

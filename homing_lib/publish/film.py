@@ -15,10 +15,10 @@ from tqdm import tqdm
 
 from homing_lib.agent import STEP_COLUMNS, Run, run
 from homing_lib.atlas import require_camera
-from homing_lib.environment import draw
 from homing_lib.errors import UserError
 from homing_lib.publish.parts import picture
 from homing_lib.publish.style import BLUE, DASHED, ORANGE, SKY, house_style
+from homing_lib.robot import draw
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import atomic_write
@@ -194,7 +194,8 @@ class _Episode:
         pose, room = self.poses[step], self._arena.room
         path = [passed[:2] for passed in self.poses[: step + 1]]
         home = self._homes[step] if self._homes else room.home
-        self.panels["room"].images[0].set_data(draw(self._top_view, room, self._arena.settings, path, pose, home))
+        radius_m = self._arena.settings.body_diameter_m / 2
+        self.panels["room"].images[0].set_data(draw(self._top_view, room, radius_m, path, pose, home))
         self.panels["view"].images[0].set_data(self._arena.image(pose)[:, :, :3])
         passed, lambda_ = np.arange(1, step + 1), self._steps["lambda"][:step]
         reset = self._steps["clipped"][:step] > 0

@@ -105,6 +105,6 @@ class Kidnapped(gymnasium.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> Any:
         """One step; after the stated number of them the robot finds itself elsewhere before it moves."""
         if self._left == 0:
-            self.home_env.place(self.pose)
+            self.home_env.robot.place(self.pose)
         self._left -= 1
         return super().step(action)
