@@ -57,7 +57,7 @@ def passing_shares(shares: Mapping[str, float], selective: Sequence[str] = ()) -
     axes.set(xlabel="random poses that pass for home (%)", xlim=(0, 1.12 * max(*percent, 1)))
     if selective:
         passing = " and ".join(f"{100 * shares[name]:.1f} %" for name in selective)
-        axes.set_title(f"With σ² as it is used here, {passing} of random poses pass for home")
+        axes.set_title(f"With σ² as it is used here, {passing} pass for home")
     return figure
 
 
