@@ -155,7 +155,8 @@ def on_orthogonal_features(ratio: Callable[[float, float, float], float]) -> Non
 def as_good_as_a_constant(rule: LambdaRule) -> str:
     """At its best step size, and on walks that did not choose it, the rule is better than λ = 0.8 or comparable."""
     ratio = walk.race({"λ = 0.8": "fixed:0.8", "yours": rule}).verdicts["yours"]
-    result = f"Its error is {ratio:.2f} times that of λ = 0.8: {ratio.verdict}."
+    word = {"more": "larger", "fewer": "smaller"}.get(ratio.verdict, ratio.verdict)
+    result = f"Its error is {ratio:.2f} times that of λ = 0.8: {word}."
     if ratio.verdict not in ("fewer", "the same"):
         raise Behind(result)
     return result
