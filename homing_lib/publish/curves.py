@@ -116,7 +116,7 @@ def instead(at: Array, robots: Mapping[str, Array], levels: Mapping[str, float])
         ends[name], colours = (float(at[-1]), float(steps[:, -1].mean())), [*colours, colour]
     axes.set(xlabel="environment steps so far", ylabel="steps of an episode", xlim=(at[0], at[-1]), xscale="log")
     for name, value in levels.items():
-        level(axes, value, name)
+        level(axes, value, name, bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1})
     log_axis(axes, "y")
     axes.xaxis.set_major_formatter("{x:,.0f}")
     label_ends(axes, ends, colours)

@@ -61,7 +61,7 @@ def printed(finding: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure
     groups: by title, conditions by what their rows are called.
     """
     sizes = [len(rows) for rows in groups.values()]
-    height = 0.75 + 0.25 * sum(sizes) + 0.25 * len(sizes)
+    height = 0.75 + 0.21 * sum(sizes) + 0.25 * len(sizes)
     figure, grid = panels(height, rows=len(groups), sharex=True, height_ratios=sizes)
     for axes, (title, rows) in zip(grid, groups.items(), strict=True):
         for place, condition in enumerate(rows.values()):
@@ -69,10 +69,10 @@ def printed(finding: Finding, groups: Mapping[str, Mapping[str, str]]) -> Figure
             chance = last.value / finding[f"{condition}.of random"].value
             words = {finding[f"{condition}.{against}"].verdict for against in ("of first", "of random")}
             axes.plot([first.value, last.value], [place, place], color=GREY, linewidth=0.8, zorder=0)
-            axes.plot(first.value, place, **FIRST.line(4.5))
+            axes.plot(first.value, place, **FIRST.line(7))
             axes.plot(chance, place, **CHANCE.line(9), markeredgewidth=1.6)
             mark(axes, last, place, LEARNS if words == {"fewer"} else FAILS)
-        name_rows(axes, rows)
+        name_rows(axes, [row.replace("epsilon", "ε") for row in rows])
         axes.set_title(title)
     log_axis(axes, "x")
     axes.set_xlabel("steps per episode")
@@ -108,11 +108,11 @@ LOOKS = {
 """How those are marked, and others beside them."""
 
 TRIED = {
-    "published training, learning on": ("published.restored", LOOKS["restored"]),
-    "published training, frozen": ("published.frozen", LOOKS["frozen"]),
-    "published training, frozen and climbing": ("published.climbing", Look(COLOURS["frozen"], "P", full=False)),
-    "extension, learning on": ("extension.restored", Look(COLOURS["extension"], full=False)),
-    "extension, frozen and climbing": ("extension.climbing", Look(COLOURS["extension"], "P")),
+    "form 2, restored": ("published.restored", LOOKS["restored"]),
+    "form 2, frozen": ("published.frozen", LOOKS["frozen"]),
+    "form 2, frozen and climbing": ("published.climbing", Look(COLOURS["frozen"], "P")),
+    "extension, restored": ("extension.restored", Look(COLOURS["extension"], full=False)),
+    "extension, frozen and climbing": ("extension.climbing", Look(COLOURS["extension"], "P", full=False)),
     "the climb": ("published.climb", LOOKS["climb"]),
     "random actions": ("published.random", LOOKS["random"]),
 }
@@ -141,12 +141,12 @@ def drives(finding: Finding, rows: Mapping[str, str], kinds: Mapping[str, str] =
 @styled
 def everywhere(finding: Finding, rooms: Sequence[str]) -> Figure:
     """Steps of a trial from the room's start and from everywhere, by room: learnt and tried in several ways."""
-    figure, grid = panels(1.15 + 0.36 * len(rooms), 2, sharey=True)
+    figure, grid = panels(1.15 + 0.6 * len(rooms), 2, sharey=True)
     starts = {"start_steps": "from the room's start", "steps": "from everywhere"}
     for axes, (column, title) in zip(grid, starts.items(), strict=True):
         for place, room in enumerate(rooms):
-            for name, look in TRIED.values():
-                mark(axes, finding[f"{room}.{name}.{column}"], place, look, 5.5, 1.4)
+            for number, (name, look) in enumerate(TRIED.values(), -3):
+                mark(axes, finding[f"{room}.{name}.{column}"], place + 0.11 * number, look, 5.5, 1.4)
         name_rows(axes, rooms)
         axes.set(title=title, xlabel=TRIAL)
         log_axis(axes, "x", narrow=True)
@@ -215,7 +215,7 @@ LEARNERS = {
     "tdc": "TDC (2009)",
     "scaled-conjugate-gradient": "scaled conjugate gradient (2001)",
     "residual-gradient": "residual gradient (1995)",
-    "standard": "Sarsa, best fixed λ, all weights",
+    "standard": "standard Sarsa(λ)",
     "bounded form 2": "form 2, steps bounded",
     "least-squares": "least squares (a ceiling)",
 }
@@ -224,7 +224,7 @@ LEARNERS = {
 
 def today(finding: Finding) -> Figure:
     """Each method against form 2 in two rooms: total steps, late steps of the typical robot, robots lost. Beside its
-    name what a step costs, as a multiple of Sarsa(lambda).
+    name what a step costs, as a multiple of Sarsa(lambda): in the paper's room and, where it differs, in the attic.
     """
 
     def rows(endpoint: str) -> dict[str, list[Comparison]]:
@@ -234,8 +234,8 @@ def today(finding: Finding) -> Figure:
         }
 
     def cost(name: str) -> str:
-        multiple = finding[f"paper.{name}.cost"].value
-        return f"{multiple:.2g} ×" if multiple < 100 else f"{multiple:,.0f} ×"
+        each = dict.fromkeys(f"{finding[f'{room}.{name}.cost'].value:,.4g}" for room in ("paper", "attic"))
+        return f"{' and '.join(each)} ×"
 
     return forest(
         Panel("total steps /\nform 2's\n(left: fewer)", rows("total")),

@@ -69,10 +69,10 @@ def picture(axes: Axes, image: Any, title: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def level(axes: Axes, value: float, name: str, at: float = 0.01) -> None:
-    """A horizontal line that has a name; at: where the name begins, as a share of the width."""
+def level(axes: Axes, value: float, name: str, at: float = 0.01, up: float = 4, **options: Any) -> None:
+    """A horizontal line that has a name; at: where the name begins, as a share of the width; up: points above it."""
     axes.axhline(value, **DASHED)
-    beside(axes, name, (at, value), (0, 4), xycoords=("axes fraction", "data"))
+    beside(axes, name, (at, value), (0, up), xycoords=("axes fraction", "data"), **options)
 
 
 def beside(axes: Axes, text: str, at: tuple[float, float], points: tuple[float, float], **options: Any) -> None:

@@ -93,15 +93,15 @@ def stuck(
 ) -> Figure:
     """Where robots drive, learning on and frozen, and how often they take the same action again.
 
-    ways: by "learning on" and "frozen", steps of one trial or several (columns x, y first); shares: by who, that share
-    after the view came closer, and after it did not.
+    ways: by name, of who learns and of who is frozen, steps of one trial or several (columns x, y first); shares: by
+    who, that share after the view came closer, and after it did not.
     """
     figure, (*plans, again) = panels(2.35, len(ways) + 1, width_ratios=[*[1.0] * len(ways), 1.35])
-    for axes, (title, several) in zip(plans, ways.items(), strict=True):
+    for axes, (title, several), who in zip(plans, ways.items(), ("learning on", "frozen"), strict=True):
         draw_floor_plan(axes, room)
         for way in several:
             passed = np.vstack([room.start[:2], way[:, :2]])
-            axes.plot(*passed.T, color=COLOURS[title], linewidth=0.8, alpha=0.8)
+            axes.plot(*passed.T, color=COLOURS[who], linewidth=0.8, alpha=0.8)
             axes.plot(*passed[-1], "o", color=INK, markersize=3)
         axes.set_title(title)
     for place, (closer, farther) in enumerate(shares.values()):
@@ -167,7 +167,7 @@ def tours(
     axes.set(xlabel="tour", ylabel="steps of a tour", xlim=(1, number[-1]), yscale="log")
     axes.set_title("with a plan")
     for name, value in levels.items():
-        level(axes, value, name, at=0.72)
+        level(axes, value, name, at=0.72, up=-11 if name == "the climb" else 4)
     log_axis(axes, "y")
     return figure
 
