@@ -21,7 +21,7 @@ def summary() -> str:
     lines = [headline.conclusion(h), *headline.in_numbers(h)]
     lines.append("What was asked, and what the paper claims (`homing claims NAME` has the numbers and the predicate):")
     for one in findings.stored().values():
-        lines.append(f"{one.name:<10}{one.verdict:<52}{one.question.text}")
+        lines.append(f"{one.name:<10}{one.verdict:<51}  {one.question.text}")
     return "\n".join(lines)
 
 
