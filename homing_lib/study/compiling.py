@@ -26,7 +26,6 @@ import platformdirs
 from scipy.linalg.blas import ddot
 from tqdm import tqdm
 
-from homing_lib import lambdas
 from homing_lib.lambdas import Derived
 from homing_lib.storage import MARK, ROOT
 
@@ -120,14 +119,6 @@ def compiled_rule(rule: Any) -> Any:
     if _RULES[key] is None:
         raise ForPython
     return _RULES[key]
-
-
-def is_ours(rule: Any) -> bool:
-    """Whether a rule is one of `lambdas`, which raise where their ratio is undefined, and for no other reason."""
-    if isinstance(rule, Derived):
-        ours = (lambdas.__name__, "builtins", "_operator")
-        return is_ours(rule.rule) and getattr(rule.change, "__module__", "") in ours
-    return isinstance(rule, FunctionType) and rule.__module__ == lambdas.__name__
 
 
 def _adapted(rule: Any) -> Any:
