@@ -72,7 +72,7 @@ def test_where_the_checkout_cannot_be_written_the_users_folder_keeps_what_is_com
     assert list((copy.folder / "home").rglob("*.nbi"))
     answer, (line,), code = copy(HOME=os.devnull, XDG_CACHE_HOME=os.devnull)
     assert (answer, code) == (["1", "False"], 0)
-    assert line.startswith("homing: compiled code cannot be kept (")
+    assert line.startswith(f"homing: compiled code cannot be kept in {os.devnull}")
 
 
 @pytest.mark.parametrize("broken", ["numba", "the engine"])

@@ -1,13 +1,12 @@
 """Loads the compiled code of `compiled`, where numba is installed, and compiles lambda rules for it to call.
 
 What numba has compiled is kept in a folder of the checkout, else in one of the user's, under the hash of the code,
-since numba itself goes by the age of a file. A rule is compiled anew in each process, in a third of a second.
+since numba itself may go by the age of a file. A rule is compiled anew in each process, in a third of a second.
 """
 
 import builtins
 import dis
 import hashlib
-import importlib
 import inspect
 import math
 import operator
@@ -15,10 +14,11 @@ import os
 import sys
 import threading
 import warnings
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
-from types import CellType, CodeType, FunctionType, ModuleType
+from types import CellType, CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,8 @@ import platformdirs
 from scipy.linalg.blas import ddot
 from tqdm import tqdm
 
-from homing_lib import lambdas
 from homing_lib.lambdas import Derived
 from homing_lib.storage import MARK, ROOT
-
-_lock = threading.RLock()
 
 
 class ForPython(Exception):
@@ -40,60 +37,44 @@ class ForPython(Exception):
 # --- The compiled code ------------------------------------------------------------------------------------------------
 
 
+@cache
 def load() -> Any:
     """The module `compiled`; or None, and once a line that says why, where it cannot be compiled."""
-    with _lock:
-        return _loaded()
-
-
-@cache
-def _loaded() -> ModuleType | None:
     slower = "runs take ten times as long; their results are the same"
     try:
         import numba
     except Exception as error:  # a broken one raises what it likes
         _say(f"numba cannot be loaded ({_short(error)}): {slower}")
         return None
-    checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
-    problem: Exception | None = None
-    for place in (*checkout, platformdirs.user_cache_path("homing"), None):
-        try:
-            compiled = _compiled_in(place, numba.config)
-        except OSError as error:  # it cannot be written to, or has no more room
-            problem = error
-            continue
-        except Exception as error:
-            _say(f"the engine cannot be compiled ({_short(error)}): {slower}")
-            return None
-        if place is None:
-            _say(f"compiled code cannot be kept ({_short(problem)}): it is compiled anew each time, in fifteen seconds")
-        return compiled
-    return None
-
-
-_MODULES = ("homing_lib.study.compiled_world", "homing_lib.study.compiled")
-
-
-def _compiled_in(place: Path | None, config: Any) -> ModuleType:
-    """The module, compiled or read from what is kept in a place; None: it is not kept."""
-    own = config.CACHE_DIR
-    files = [Path(__file__).with_name(f"{name.rpartition('.')[2]}.py") for name in _MODULES]
-    key = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
-    for name in _MODULES:
-        sys.modules.pop(name, None)
+    config: Any = numba.config
+    own, config.CACHE_DIR = config.CACHE_DIR, _folder()
     try:
-        config.CACHE_DIR = str(place / "numba" / key) if place else ""
-        if place:  # tried here, since numba would choose another place without a word
-            is_new = not Path(config.CACHE_DIR).exists()
-            Path(config.CACHE_DIR).mkdir(parents=True, exist_ok=True)
-            TemporaryFile(dir=config.CACHE_DIR).close()
-            if is_new:
-                tqdm.write("homing: compiling the engine, once; this may take half a minute", file=sys.stderr)
-        compiled = importlib.import_module(_MODULES[-1])
+        from homing_lib.study import compiled
+
         compiled.warm()
         return compiled
+    except Exception as error:
+        _say(f"the engine cannot be compiled ({_short(error)}): {slower}")
+        return None
     finally:
         config.CACHE_DIR = own
+
+
+def _folder() -> str:
+    """Where what is compiled is kept: in the checkout, else with the user's files; "" where neither can be written."""
+    key = hashlib.sha256(Path(__file__).with_name("compiled.py").read_bytes()).hexdigest()[:16]
+    checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
+    for place in (*checkout, platformdirs.user_cache_path("homing")):
+        folder = place / "numba" / key
+        with suppress(OSError):
+            is_new = not folder.exists()
+            folder.mkdir(parents=True, exist_ok=True)
+            TemporaryFile(dir=folder).close()  # tried here, since numba would choose another place without a word
+            if is_new:
+                tqdm.write("homing: compiling the engine, once; this may take half a minute", file=sys.stderr)
+            return str(folder)
+    _say(f"compiled code cannot be kept in {folder}: it is compiled anew each time, in fifteen seconds")
+    return ""
 
 
 _SAID = "HOMING_ENGINE_SAID"
@@ -106,13 +87,14 @@ def _say(line: str) -> None:
         tqdm.write(f"homing: {line}", file=sys.stderr)
 
 
-def _short(error: Exception | None) -> str:
+def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
 # --- A lambda rule ----------------------------------------------------------------------------------------------------
 
 _RULES: dict[Any, Any] = {}  # compiled rules, or None for those that cannot be, by all that they depend on
+_lock = threading.Lock()
 _ADAPTER = """
 def adapter(delta, phi, delta_prev, phi_prev, trace_prev, discount):
     try:
@@ -128,7 +110,7 @@ def compiled_rule(rule: Any) -> Any:
         key = _content(rule)
     except (ValueError, RecursionError):  # a name without a value; a function that calls itself
         raise ForPython from None
-    with _lock:
+    with _lock:  # for threads that compile at once; warnings are silenced for all of them
         if key not in _RULES:
             try:
                 _RULES[key] = _adapted(rule)
@@ -137,14 +119,6 @@ def compiled_rule(rule: Any) -> Any:
     if _RULES[key] is None:
         raise ForPython
     return _RULES[key]
-
-
-def is_ours(rule: Any) -> bool:
-    """Whether a rule is one of `lambdas`, which raise where their ratio is undefined, and for no other reason."""
-    if isinstance(rule, Derived):
-        ours = (lambdas.__name__, "builtins", "_operator")
-        return is_ours(rule.rule) and getattr(rule.change, "__module__", "") in ours
-    return isinstance(rule, FunctionType) and rule.__module__ == lambdas.__name__
 
 
 def _adapted(rule: Any) -> Any:

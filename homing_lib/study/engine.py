@@ -7,18 +7,18 @@ wrong, so that Python says what. Weights, traces, rates and generators are left 
 robot's reflex and what the learner shows of its last step. `after_episode` is called when all episodes are over.
 """
 
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
 from copy import deepcopy
 from functools import partial
-from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 from tqdm.auto import tqdm
 
 from homing_lib import agent as in_python
+from homing_lib import lambdas
 from homing_lib.agent import ClimbingAgent, Episodes, Overwritten, RandomAgent, Run, SarsaAgent
 from homing_lib.atlas import Atlas
 from homing_lib.environment import CONSTANT_COST, HomingEnv
@@ -29,7 +29,7 @@ from homing_lib.rooms import Pose
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.settings import Settings
 from homing_lib.study import methods  # noqa: F401, so that settings know them by name
-from homing_lib.study.compiling import ForPython, compiled_rule, is_ours, load
+from homing_lib.study.compiling import ForPython, compiled_rule, load
 from homing_lib.study.robots import ClimbGuidedAgent, FrozenAgent, RestoredAgent
 from homing_lib.survey import surveys
 from homing_lib.thresholds import stopping_thresholds
@@ -44,36 +44,21 @@ _NONE = np.empty(0)
 
 def run(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
     """`agent.run`, with all that it takes; some ten times as fast where it is compiled."""
-    try:
-        return run_compiled(settings, seed, lambda_rule, **how)
-    except ForPython:
-        return in_python.run(settings, seed, lambda_rule, **how)
-
-
-def run_compiled(settings: Settings, seed: int, lambda_rule: LambdaRule | None = None, **how: Any) -> Run:
-    """`agent.run`, compiled. Raises ForPython where it cannot be."""
-    if settings.images == "camera" or load() is None:
-        raise ForPython
-    return in_python.run(settings, seed, lambda_rule, surveys=_surveys, episodes=_episodes, **how)
+    if settings.images != "camera" and load() is not None:
+        with suppress(ForPython):
+            return in_python.run(settings, seed, lambda_rule, surveys=_surveys, episodes=_episodes, **how)
+    return in_python.run(settings, seed, lambda_rule, **how)
 
 
 def run_episode(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
     """`agent.run_episode`, as fast."""
-    try:
-        return run_episode_compiled(env, agent, options)
-    except ForPython:
-        return in_python.run_episode(env, agent, options)
-
-
-def run_episode_compiled(env: Any, agent: Any, options: dict[str, Any] | None = None) -> tuple[Array, bool]:
-    """`agent.run_episode`, compiled. Raises ForPython, and leaves everything as it was, where it cannot be."""
-    if load() is None or type(env) is not HomingEnv or not isinstance(env.world, Atlas) or env.closed:
-        raise ForPython
-    if options and {*options} != {"start"}:
-        raise ForPython
-    surveyed(env)
-    steps, _, reached, _ = _drive_or_restore(env, agent, [_rates(agent)], env.start_of(options))
-    return steps, bool(reached[0])
+    on_atlas = type(env) is HomingEnv and isinstance(env.world, Atlas) and not env.closed
+    if on_atlas and {*(options or {})} <= {"start"} and load() is not None:
+        with suppress(ForPython):
+            surveyed(env)
+            steps, _, reached, _ = _drive(env, agent, [_rates(agent)], env.start_of(options))
+            return steps, bool(reached[0])
+    return in_python.run_episode(env, agent, options)
 
 
 def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: Iterable[LambdaRule]) -> list[Any]:
@@ -83,17 +68,15 @@ def side_by_side(function: Callable[[int], Any], seeds: Sequence[int], rules: It
     """
     rules = list(rules)
     compiled = load() is not None and all(map(compiles, rules)) and not any(map(_draws, rules))
-    pool = ThreadPoolExecutor(os.cpu_count() if compiled else 1)
-    try:
-        return list(tqdm(pool.map(function, seeds), desc="seeds", unit="seed", total=len(seeds)))
-    finally:
-        pool.shutdown(cancel_futures=True)  # so that Ctrl-C is not answered when all is done
+    threads = Parallel(-1 if compiled else 1, prefer="threads", return_as="generator")
+    with closing(threads(map(delayed(function), seeds))) as results:  # so that Ctrl-C stops them all
+        return list(tqdm(results, desc="seeds", unit="seed", total=len(seeds)))
 
 
 def compiles(lambda_rule: LambdaRule) -> bool:
     """Whether runs with this rule can be compiled on this machine."""
     try:
-        return load() is not None and _rule(lambda_rule, 0) is not None
+        return load() is not None and _rule(_unwrapped(lambda_rule), 0) is not None
     except ForPython:
         return False
 
@@ -123,7 +106,7 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     """`agent.run_episodes`."""
     sarsa = _sarsa(agent) if type(agent) in _LEARN else None
     schedule = [sarsa.rates(number) if sarsa else _rates(agent) for number in range(1, count + 1)]
-    steps, lengths, reached, diverged = _drive_or_restore(env, agent, schedule, env.start)
+    steps, lengths, reached, diverged = _drive(env, agent, schedule, env.start)
     if sarsa:
         sarsa.learner.step_size, sarsa.epsilon, sarsa.temperature = schedule[(diverged or count) - 1]
     for number in range(1, len(lengths) + 1):
@@ -131,32 +114,14 @@ def _episodes(env: HomingEnv, agent: Any, count: int, after_episode: Callable[[i
     return steps, lengths, reached, diverged
 
 
-def _drive_or_restore(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
-    """`_drive`; if it raises ForPython, generators and arrays are put back first."""
-    before = _state(env, agent)
-    try:
-        return _drive(env, agent, schedule, start)
-    except ForPython:
-        for holder, state in before:
-            if isinstance(holder, np.ndarray):
-                holder[:] = state
-            else:
-                holder.bit_generator.state = state
-        raise
-
-
-def _state(env: HomingEnv, agent: Any) -> list[tuple[Any, Any]]:
-    """All generators and arrays that an episode changes, and the state of each."""
-    sarsa = _sarsa(agent)
-    generators = [getattr(one, name, None) for one, name in ((env, "np_random"), (agent, "rng"), (sarsa, "rng"))]
-    arrays = [sarsa.learner.weights, sarsa.learner.trace] if sarsa else []
-    return [(one, one.bit_generator.state) for one in generators if one] + [(one, one.copy()) for one in arrays]
-
-
 def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episodes:
-    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". Raises ForPython."""
+    """Episodes, one for each row of the schedule, from a start: a pose, or "uniform". Raises ForPython, and leaves
+    everything as it was, where Python has to drive them.
+    """
     compiled, s, count = load(), env.settings, len(schedule)
     given, rule, rng = _agent(env, agent, count)
+    generators, arrays = (rng, env.np_random), (given.weights, given.trace)
+    states, copies = [one.bit_generator.state for one in generators], [one.copy() for one in arrays]
     atlas: Any = env.world
     world, body, task = _world(atlas, env.views), _body(atlas, s, env.home), _task(env)
     starts = np.full((1, 3), np.nan) if start == "uniform" else np.array([start])
@@ -173,6 +138,10 @@ def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episo
         blocks.append(block[: lengths[driven : progress[0]].sum()].copy())
     done, diverged = progress[0], ended == compiled.DIVERGED
     if ended == compiled.REPEAT or (diverged and count == 1):  # of one episode Python says it, by an error
+        for generator, state in zip(generators, states, strict=True):
+            generator.bit_generator.state = state
+        for array, copy in zip(arrays, copies, strict=True):
+            array[:] = copy
         raise ForPython
     sarsa = _sarsa(agent)
     if given.learns and sarsa:
@@ -187,7 +156,7 @@ def _drive(env: HomingEnv, agent: Any, schedule: list[Any], start: Any) -> Episo
 
 # --- What the compiled code is given ----------------------------------------------------------------------------------
 
-_GIVEN: WeakKeyDictionary[Atlas, dict[str, Any]] = WeakKeyDictionary()
+_GIVEN: dict[Atlas, dict[str, Any]] = {}
 
 
 def _world(atlas: Atlas, views: Any = None) -> Any:
@@ -265,44 +234,39 @@ def _agent(env: HomingEnv, agent: Any, episodes: int) -> tuple[Any, Any, np.rand
         return given._replace(chooser=chooser), compiled.no_rule, sarsa.rng
     if learner.traces != "accumulating":
         raise ForPython
-    rule = _rule(learner.lambda_rule, episodes * env.settings.max_steps)
+    rule, of_rule = _rule(_unwrapped(learner.lambda_rule), episodes * env.settings.max_steps)
     given = given._replace(
+        **of_rule,
         learns=True,
         trace=learner.trace,
-        lambdas=rule.lambdas,
         discount=float(learner.discount),
         clip=bool(learner.clip),
         on_zero=float(learner.on_zero),
-        rule_is_ours=rule.is_ours,
-        overwrites=rule.overwrites,
+        overwrites=isinstance(learner.lambda_rule, Overwritten),
         all_weights=learner.update_mode == "all",
         bootstraps=bool(learner.bootstrap_terminal),
         learns_at_walls=sarsa.settings.learn_at_walls,
     )
     if kind is RestoredAgent:
         given = given._replace(begins_with=agent.begins_with)
-    return given, rule.function, sarsa.rng
+    return given, rule, sarsa.rng
 
 
-class _Rule(NamedTuple):
-    function: Any  # compiled, as `compiled.RULE` says
-    lambdas: Array  # or what it would return, of which the last stays
-    is_ours: bool  # it has no ratio only where it says so
-    overwrites: bool
-
-
-def _rule(rule: Any, most: int) -> _Rule:
-    """A rule as the compiled code takes it. most: how often it may be asked. Raises ForPython if it cannot be."""
-    compiled = load()
-    overwrites, rule = isinstance(rule, Overwritten), _unwrapped(rule)
+def _rule(rule: Any, most: int) -> tuple[Any, dict[str, Any]]:
+    """A rule as the compiled code takes it, and what `compiled.Agent` is told of it. most: how often it may be asked.
+    Raises ForPython if it cannot be compiled.
+    """
     if isinstance(rule, Fixed):
-        return _Rule(compiled.no_rule, np.array([rule.value]), True, overwrites)
+        return load().no_rule, {"lambdas": np.array([rule.value])}
     if _draws(rule):
         if most > _MOST_LAMBDAS:
             raise ForPython
         # Of a copy, since fewer may be needed; those are drawn from the rule itself when it is known how many.
-        return _Rule(compiled.no_rule, deepcopy(rule).beforehand(most), False, overwrites)
-    return _Rule(compiled_rule(rule), _NONE, is_ours(rule), overwrites)
+        return load().no_rule, {"lambdas": deepcopy(rule).beforehand(most), "rule_is_ours": False}
+    function = compiled_rule(rule)
+    # Those of `lambdas` raise where their ratio is undefined, and for no other reason.
+    ours = rule in lambdas.RULES.values() and rule.__module__ == lambdas.__name__
+    return function, {"rule_is_ours": ours}
 
 
 def _unwrapped(rule: Any) -> Any:

@@ -24,6 +24,7 @@ class Method(LinearSarsa):
 
     def learn(self, phi_tm1: Array, a_tm1: int, r_t: float, phi_t: Array, a_t: int, terminal: bool) -> float:
         """One step, as `LinearSarsa.learn`."""
+        self._last = terminal  # for `change_of`, where a batch ends with the episode
         x, y = np.zeros((2, *self._theta.shape))
         x[a_tm1] = phi_tm1
         if not terminal or self.bootstrap_terminal:

@@ -25,8 +25,6 @@ from homing_lib.policy import sample, softmax
 from homing_lib.sarsa import LinearSarsa
 from homing_lib.study.methods.base import register
 
-RATIOS = (1, 10)
-
 
 class ActorCritic(LinearSarsa):
     """Its `weights` are the actor's. ratio: beta / alpha."""
@@ -65,5 +63,5 @@ class ActorCriticAgent(SarsaAgent):
         return sample(self.learner.policy(phi), self.rng)
 
 
-for ratio in RATIOS:
+for ratio in (1, 10):
     register(f"natural-actor-critic:{ratio:g}", 2, ActorCritic, ActorCriticAgent, ratio=ratio)

@@ -23,8 +23,6 @@ from scipy.linalg.blas import ddot as dot
 from homing_lib.features import Array
 from homing_lib.study.methods.base import Method, register
 
-BATCHES = ((16, 2), (64, 2), (64, 8))  # steps, directions
-
 
 def minimised(w: Array, inputs: Array, targets: Array, directions: int, scale: float = 1e-6) -> Array:
     """Weights, shape (n,), from which the squared errors of inputs.w, shape (steps, n), are less by so many directions
@@ -56,13 +54,8 @@ class ScaledConjugateGradient(Method):
         super().begin_episode()
         self._steps: list[tuple[Array, float]] = []
 
-    def learn(self, phi_tm1: Array, a_tm1: int, r_t: float, phi_t: Array, a_t: int, terminal: bool) -> float:
-        """One step, as `LinearSarsa.learn`; at the end of a batch or an episode all weights change."""
-        self._last = terminal
-        return super().learn(phi_tm1, a_tm1, r_t, phi_t, a_t, terminal)
-
     def change_of(self, delta: float, x: Array, y: Array) -> Array:
-        """Nothing until the batch is complete."""
+        """Nothing until the batch is complete, or the episode at its end."""
         w = self._theta.reshape(-1)
         self._steps.append((x, delta + dot(w, x)))
         if len(self._steps) < self.batch and not self._last:
@@ -72,6 +65,6 @@ class ScaledConjugateGradient(Method):
         return minimised(w, inputs, targets, self.directions) - w
 
 
-for batch, directions in BATCHES:
+for batch, directions in ((16, 2), (64, 2), (64, 8)):
     name = f"scaled-conjugate-gradient:{batch}:{directions}"
     register(name, 1 + directions, ScaledConjugateGradient, batch=batch, directions=directions)

@@ -25,7 +25,6 @@ from homing_lib.lambdas import Fixed
 from homing_lib.sarsa import Diverged, LinearSarsa
 from homing_lib.study.methods.base import register
 
-ETAS = (0.1, 0.5)
 META, DECAY, TRACE_LEFT, LEAST = 1e-3, 0.999, 1e-4, 1e-8
 """Of the step sizes: theta, what the decay leaves, and the least; of a trace: what share of it is dropped."""
 
@@ -87,5 +86,5 @@ def _pairs(phi: Array) -> list[tuple[int, float]]:
     return list(enumerate(phi.tolist()))
 
 
-for eta in ETAS:
+for eta in (0.1, 0.5):
     register(f"swift-sarsa:{eta:g}", 5, SwiftSarsa, eta=eta)

@@ -19,8 +19,6 @@ from scipy.linalg.blas import ddot as dot
 from homing_lib.features import Array
 from homing_lib.study.methods.base import Method, register
 
-RATIOS = (0.1, 1)
-
 
 class TDC(Method):
     """ratio: beta / alpha."""
@@ -36,5 +34,5 @@ class TDC(Method):
         return alpha * (delta * x - expected * y)
 
 
-for ratio in RATIOS:
+for ratio in (0.1, 1):
     register(f"tdc:{ratio}", 2, TDC, ratio=ratio)
