@@ -153,7 +153,8 @@ def build(clone: Clone, targets: Sequence[str], force: bool) -> Row:
     """Build everything in a clone. force: compute all runs first, from scratch."""
     make = [*clone.make, f"PYTHON={base_python()}"]
     steps = [[".venv/bin/python", "-m", "homing_lib", "film", "--out", "figures/film.gif"]]
-    steps += [[*make, "data", "FORCE=1"]] * force + [[*make, *targets]]
+    steps += [[*make, "data", "FORCE=1"]] * force
+    steps += [[*make, *targets[:-1]], [*make, targets[-1]]]  # the lab packs the list of studies, once that is written
     log = Path(f"{clone.folder}.log")
     with log.open("wb") as lines:
         failed = any(start(clone, *step, stdout=lines, stderr=lines).returncode for step in steps)
