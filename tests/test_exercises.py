@@ -189,7 +189,7 @@ def test_the_candidate_is_judged_by_the_median_and_compared_with_the_mean():
     [
         (lambda *, delta, delta_prev, **_: 0.8 if delta * delta_prev >= 0 else 0.4, "proven", "smaller"),
         (lambda **_: 0.8, "proven", "1.00 [1.00, 1.00] times that of λ = 0.8: the same."),
-        (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "behind", "more"),
+        (lambda *, delta, delta_prev, **_: abs(delta / delta_prev), "behind", "larger"),
     ],
 )
 def test_a_rule_that_loses_is_behind_and_the_same_counts(rule, verdict, what):
