@@ -12,12 +12,13 @@ import numpy as np
 from homing_lib.atlas import Atlas, open_atlas, open_compact, require_camera
 from homing_lib.errors import UserError, seed_of, shown
 from homing_lib.features import CountedViews, HomeModel, histogram, similarity
-from homing_lib.robot import Robot, draw, wrapped
+from homing_lib.robot import Robot, wrapped
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.surfaces import Image
 from homing_lib.survey import free_pose, surveys
 from homing_lib.thresholds import stopping_thresholds
+from homing_lib.top_view import draw
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena

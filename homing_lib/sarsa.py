@@ -26,7 +26,14 @@ silent = np.errstate(all="ignore")  # a decorator: NumPy's warnings of overflow 
 
 
 class Diverged(ArithmeticError):
-    """The weights left the finite numbers: an outcome of a run, to be recorded as such."""
+    """The weights left the finite numbers at update `step` (1, 2, ...): an outcome of a run, to be recorded as such."""
+
+    def __init__(self, step: int, rule: str, step_size: float) -> None:
+        super().__init__(step, rule, step_size)
+
+    def __str__(self) -> str:
+        step, rule, step_size = self.args
+        return f"weights not finite after step {step}, lambda rule {rule}, step size {step_size}"
 
 
 def value_of(weights: Array, phi: Array, name: str = "phi") -> float:
@@ -240,8 +247,7 @@ class LinearSarsa:
         squares = dot(change, change)
         # A finite sum of squares bounds each change by 1e155, by which no finite weight can overflow.
         if not isfinite(squares) and not np.isfinite(self._theta).all():
-            how = f"lambda rule {name_of(self.lambda_rule)}, step size {self._step_size}"
-            raise Diverged(f"weights not finite after step {self.steps}, {how}")
+            raise Diverged(self.steps, name_of(self.lambda_rule), self._step_size)
         largest = 1.0 if isfinite(squares) else float(np.abs(change).max())
         self.change = largest * sqrt(squares if largest == 1 else dot(change / largest, change / largest))
 

@@ -26,6 +26,28 @@ ROOT = next((folder for folder in _PLACES if (folder / MARK).exists()), Path.cwd
 installed without, the one worked in, or this folder."""
 
 
+def require_clone() -> None:
+    """Raises UserError where there is no clone of the repository, so that nothing is computed or built elsewhere."""
+    makefile = ROOT / "Makefile"  # which a clone has, and the lab as handed out has not
+    if not makefile.is_file():
+        raise missing(makefile, "")
+
+
+def missing(path: Path, remedy: str) -> UserError:
+    """The error for a file of the repository that is not there. remedy: what helps in a clone."""
+    if (ROOT / "Makefile").is_file():
+        return UserError(f"{path}: {remedy}")
+    where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
+    return UserError(f"{path}: missing, for {where}; clone it and work there")
+
+
+def present(path: Path, remedy: str = "missing; restore it with git") -> Path:
+    """The path of a file of the repository. Raises UserError, as `missing` has it, if it is not there."""
+    if not path.exists():
+        raise missing(path, remedy)
+    return path
+
+
 def npz_bytes(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
     """A compressed npz. The same content gives the same bytes."""
     buffer = BytesIO()

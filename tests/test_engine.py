@@ -2,6 +2,7 @@
 
 import math
 import random
+import re
 from pathlib import Path
 from statistics import median
 from types import ModuleType
@@ -23,7 +24,8 @@ from tests import parity
 
 pytest.importorskip("numba")
 
-SOURCE = (Path(homing_lib.__file__).parent / "study" / "compiled.py").read_text(encoding="utf-8")
+FILES = [Path(homing_lib.__file__).parent / "study" / name for name in ("compiled_world.py", "compiled.py")]
+SOURCE = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
 TINY = Settings(images="compact", episodes=2, survey_steps=60, max_steps=80)
 
 
@@ -71,7 +73,7 @@ def interpreted(source):
     """The compiled code without its compiler: slow, and quickly changed."""
     module = ModuleType("homing_lib.study.compiled")
     plain = source.replace("cache=KEPT", "cache=False").replace("@compiled\n", "").replace("@inlined\n", "")
-    exec(plain, module.__dict__)
+    exec(re.sub(r"^from homing_lib.study.compiled_world import .*$", "", plain, flags=re.MULTILINE), module.__dict__)
     return module
 
 

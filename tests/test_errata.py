@@ -78,6 +78,27 @@ def test_an_erratum_is_a_paragraph_or_a_row_in_which_a_proof_is_a_sentence():
     assert len(errata.table(ERRATA).splitlines()) == 2 + len(ERRATA)
 
 
+ENTRY = '[E1]\nwhere = "eq. (3)"\nprinted = "a"\nwrong = "b"\nreading = "c"\nproofs = ["study printed"]\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        ("[E1", "Expected ']'"),
+        ("E1 = 3", "must be a mapping"),
+        (ENTRY.replace("wrong", "wronk"), "'wronk'"),
+        (ENTRY.replace('wrong = "b"', ""), "'wrong'"),
+    ],
+)
+def test_a_damaged_or_incomplete_entry_is_one_line_with_the_remedy(content, what, tmp_path):
+    file = tmp_path / "errata.toml"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(UserError) as refusal:
+        errata.read(file)
+    line = str(refusal.value)
+    assert line.startswith(f"{file}: ") and what in line and line.endswith("restore it with git") and "\n" not in line
+
+
 # Proofs that stand nowhere else
 
 

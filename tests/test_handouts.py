@@ -63,6 +63,8 @@ def test_each_cell_to_fill_has_a_solution_above_its_check_and_the_students_lab_h
 
 
 MISFITS = {
+    "a solution lost": (lambda lab, guide: (lab, guide.replace("```python reach", "```python")), "teacher.md: reach: "),
+    "a solution of no cell": (lambda lab, guide: (lab, f"{guide}\n```python further\n1\n```\n"), ".md: further: "),
     "a cell filled in": (
         lambda lab, guide: (lab.replace("return ...  # the new trace", "return e  # the new trace"), guide),
         "lab.ipynb.*trace.*put",

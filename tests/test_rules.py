@@ -170,11 +170,9 @@ def text(*, delta, **_):
     return "0.5"
 
 
-def test_a_mistake_in_a_rule_or_an_agent_is_told_whoever_runs_it():
+def test_a_mistake_in_a_rule_is_told_whoever_runs_it():
     with pytest.raises(ValueError, match=r"^lambda rule text returned '0.5'; a lambda rule is a function"):
         rules.compare(FORM_2 | {"text": text}, range(4), TINY)
-    with pytest.raises(UserError, match=r"^agent: 0.5 must be callable with \(settings, rng\)"):
-        rules.compare(FORM_2, range(4), TINY, agents={"half": 0.5})
 
 
 @pytest.mark.parametrize(
@@ -184,6 +182,9 @@ def test_a_mistake_in_a_rule_or_an_agent_is_told_whoever_runs_it():
         (FORM_2, 3, {}, r"seeds = 3: must be a list or range of 0, 1, 2, ..."),
         (FORM_2 | {"half": 0.5}, [0, 1], {}, r"half: lambda_rule = 0.5: .*a lambda rule is a function of the keywords"),
         (FORM_2 | {"fast": "fixd:1"}, [0, 1], {}, r"fast: unknown lambda rule 'fixd:1'"),
+        (FORM_2, [0, 1], {"agents": {"half": 0.5}}, r"half: an agent is made by a function of settings"),
+        (FORM_2, [0, 1], {"agents": {"no rng": lambda settings: None}}, r"no rng: .*too many positional"),
+        (FORM_2, [0, 1], {"agents": {"made": RandomAgent(TINY, None)}}, r"made: .*not a callable"),
         (FORM_2, [0, 1], {"agents": {"form 2": RandomAgent}}, r"form 2: .*label of its own"),
         (
             FORM_2,

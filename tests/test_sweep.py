@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homing_lib import agent
+from homing_lib import agent, storage
 from homing_lib.agent import run
 from homing_lib.settings import Settings
 from homing_lib.study import runs, studies
@@ -123,7 +123,7 @@ def test_a_name_that_no_study_has_is_refused_before_anything_is_computed(here):
 
 
 def test_outside_a_clone_nothing_is_computed(here, monkeypatch):
-    monkeypatch.setattr(runs, "ROOT", here)
+    monkeypatch.setattr(storage, "ROOT", here)
     for names in ([], ["whole"]):
         assert "clone it and work there" in refusal(lambda names=names: list(compute(names)))
     assert not contents(here)

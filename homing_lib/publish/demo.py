@@ -15,9 +15,8 @@ from homing_lib.atlas import COMPACT
 from homing_lib.publish import style
 from homing_lib.rooms import PAPER, Room, Texture
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, write_bytes
+from homing_lib.storage import ROOT, present, write_bytes
 from homing_lib.study import findings
-from homing_lib.study.runs import present
 from homing_lib.study.walk import EPISODES, RACE_SIZES
 from homing_lib.surfaces import Image, paint
 

@@ -18,7 +18,6 @@ from homing_lib.atlas import require_camera
 from homing_lib.errors import UserError
 from homing_lib.publish.parts import picture
 from homing_lib.publish.style import BLUE, DASHED, ORANGE, SKY, house_style
-from homing_lib.robot import draw
 from homing_lib.rooms import Pose, room_named
 from homing_lib.settings import Settings
 from homing_lib.storage import atomic_write
@@ -26,6 +25,7 @@ from homing_lib.study import runs
 from homing_lib.study.questions import tours
 from homing_lib.study.studies import HEADLINE
 from homing_lib.thresholds import stopping_thresholds
+from homing_lib.top_view import draw
 
 if TYPE_CHECKING:
     from homing_lib.arena import Arena

@@ -23,8 +23,7 @@ from traitlets.config import Config
 
 import homing_lib
 from homing_lib.errors import UserError
-from homing_lib.storage import ROOT, atomic_write, write_bytes
-from homing_lib.study.runs import missing
+from homing_lib.storage import ROOT, atomic_write, missing, write_bytes
 
 NOTEBOOKS = ROOT / "notebooks"
 # As in the Makefile, so that a notebook run without make gives the same bytes.

@@ -27,9 +27,8 @@ from homing_lib.publish import demo, report
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, isolated
 from homing_lib.publish.where import draws, imports, in_words, looked_up
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, write_bytes
+from homing_lib.storage import ROOT, present, write_bytes
 from homing_lib.study import errata, findings
-from homing_lib.study.runs import present
 
 SITE = ROOT / ".build" / "site"
 TEMPLATE = NOTEBOOKS / "site"

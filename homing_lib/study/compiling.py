@@ -62,7 +62,8 @@ def load() -> Any:
 
 def _folder() -> str:
     """Where what is compiled is kept: in the checkout, else with the user's files; "" where neither can be written."""
-    key = hashlib.sha256(Path(__file__).with_name("compiled.py").read_bytes()).hexdigest()[:16]
+    files = [Path(__file__).with_name(name) for name in ("compiled_world.py", "compiled.py")]
+    key = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
     checkout = [ROOT / ".build"] if (ROOT / MARK).exists() else []
     for place in (*checkout, platformdirs.user_cache_path("homing")):
         folder = place / "numba" / key

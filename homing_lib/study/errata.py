@@ -34,8 +34,16 @@ class Erratum:
         )
 
 
-_ENTRIES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-ERRATA = tuple(Erratum(name, **entry) for name, entry in _ENTRIES.items())
+def read(file: Path) -> tuple[Erratum, ...]:
+    """The errata of such a file. Raises UserError, in one line, if it is not there or not right."""
+    try:
+        entries = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tuple(Erratum(name, **entry) for name, entry in entries.items())
+    except (OSError, ValueError, TypeError) as error:
+        raise UserError(f"{file}: {' '.join(str(error).split())}; mend it, or restore it with git") from None
+
+
+ERRATA = read(Path(__file__).with_suffix(".toml"))
 
 
 def chosen(names: Sequence[str] = ()) -> tuple[Erratum, ...]:

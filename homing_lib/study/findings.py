@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.features import Array
-from homing_lib.storage import read_bytes, write_bytes
+from homing_lib.storage import missing, read_bytes, write_bytes
 from homing_lib.study import bootstrap, runs
 from homing_lib.study.bootstrap import SAME_SHARE, Interval, Statistic, mean, word_of
-from homing_lib.study.runs import DATA, Study, fingerprint, load_table, missing
+from homing_lib.study.runs import DATA, Study, fingerprint, load_table
 from homing_lib.study.studies import load_questions
 
 FILE = DATA / "findings.json"

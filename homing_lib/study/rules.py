@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from homing_lib.agent import AgentFactory
-from homing_lib.errors import UserError, shown
+from homing_lib.errors import UserError, misfit, shown
 from homing_lib.features import Array
 from homing_lib.lambdas import AnyRule, lambda_spec
 from homing_lib.settings import Settings
@@ -142,8 +142,7 @@ def compare(
     in each episode that it did not finish.
 
     Before any run, raises UserError for seeds that are none, only one, or among those that choose, and for a label that
-    stands twice; TypeError or ValueError, which names the label, for what is no rule. `agent.run` refuses what makes
-    no agent.
+    stands twice; TypeError or ValueError, which names the label, for what is no rule, or makes no agent.
     """
     settings, agents = settings or Settings(images="compact"), agents or {}
     driven = _learners(rules, agents)
@@ -199,13 +198,13 @@ def _learners(rules: Mapping[str, AnyRule], agents: Mapping[str, AgentFactory]) 
     for label in agents:
         if label in rules:
             raise UserError(f"{label}: both a rule and an agent; give each a label of its own")
-    found: dict[str, Any] = {}
-    for label, rule in rules.items():
+    found: dict[str, Any] = {**rules, **agents}
+    for label, one in found.items():
         try:
-            found[label] = lambda_spec(rule).rule
+            found[label] = lambda_spec(one).rule if label in rules else _makes_agent(one)
         except (TypeError, ValueError) as error:
             raise type(error)(f"{label}: {error}") from None
-    return {**found, **agents}
+    return found
 
 
 def _sizes(step_sizes: Any) -> tuple[float, ...]:
@@ -214,3 +213,10 @@ def _sizes(step_sizes: Any) -> tuple[float, ...]:
         return tuple({float(size): None for size in step_sizes})
     except (TypeError, ValueError):
         raise UserError(f"step_sizes = {shown(step_sizes)}: must be a list of numbers, as (0.0004, 0.00125)") from None
+
+
+def _makes_agent(makes: Any) -> AgentFactory:
+    """What makes an agent, or TypeError if it cannot be called with settings and a random generator."""
+    if wrong := misfit(makes, "settings", "rng"):
+        raise TypeError(f"an agent is made by a function of settings and a random generator: {wrong}")
+    return makes

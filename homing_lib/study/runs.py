@@ -24,7 +24,7 @@ from homing_lib.agent import STEP_COLUMNS, Run
 from homing_lib.errors import DamagedFile, UserError, shown
 from homing_lib.features import Array
 from homing_lib.settings import Settings
-from homing_lib.storage import ROOT, npz_bytes, read_arrays, read_bytes, version_of
+from homing_lib.storage import ROOT, missing, npz_bytes, read_arrays, read_bytes, version_of
 
 DATA = ROOT / "data"  # what is committed: complete runs of the headline, and one table for every other study
 
@@ -149,28 +149,6 @@ def seeds_of(seeds: Any) -> Sequence[int]:
     if not plain or min(plain) < 0 or len({*plain}) < len(plain):
         raise UserError(f"seeds = {shown(seeds)}: must be some of 0, 1, 2, ..., each once")
     return plain
-
-
-def require_clone() -> None:
-    """Raises UserError where there is no clone of the repository, so that nothing is computed or built elsewhere."""
-    makefile = ROOT / "Makefile"  # which a clone has, and the lab as handed out has not
-    if not makefile.is_file():
-        raise missing(makefile, "")
-
-
-def missing(path: Path, remedy: str) -> UserError:
-    """The error for a file of the repository that is not there. remedy: what helps in a clone."""
-    if (ROOT / "Makefile").is_file():
-        return UserError(f"{path}: {remedy}")
-    where = f"neither {ROOT} nor a folder above it, nor where homing_lib is installed, is a clone of its repository"
-    return UserError(f"{path}: missing, for {where}; clone it and work there")
-
-
-def present(path: Path, remedy: str = "missing; restore it with git") -> Path:
-    """The path of a file of the repository. Raises UserError, as `missing` has it, if it is not there."""
-    if not path.exists():
-        raise missing(path, remedy)
-    return path
 
 
 @contextmanager

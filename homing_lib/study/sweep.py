@@ -22,7 +22,7 @@ from homing_lib import agent, parallel
 from homing_lib.atlas import open_atlas
 from homing_lib.errors import DamagedFile, UserError, nearest, shown
 from homing_lib.rooms import room_named
-from homing_lib.storage import npz_bytes, read_arrays, write_bytes
+from homing_lib.storage import npz_bytes, read_arrays, require_clone, write_bytes
 from homing_lib.study import runs, studies
 from homing_lib.study.runs import Job, Measure, Study, is_current, read_manifest, sha256
 
@@ -37,7 +37,7 @@ def compute(names: Sequence[str] = (), *, workers: int = -1, force: bool = False
     workers: see `parallel.results`; force: all runs of these studies are computed from scratch. Raises UserError
     outside a clone, for a name that no study has, and for a deep study that is not there.
     """
-    runs.require_clone()
+    require_clone()
     _require_known(names)
     anew = set[Path]()
     for study in studies.in_order():

@@ -15,8 +15,7 @@ import nbformat
 
 from homing_lib.errors import UserError
 from homing_lib.publish.notebooks import NOTEBOOKS, Notebook, execute
-from homing_lib.storage import ROOT, write_bytes
-from homing_lib.study.runs import present
+from homing_lib.storage import ROOT, present, write_bytes
 
 LAB = NOTEBOOKS / "lab.ipynb"
 GUIDE = NOTEBOOKS / "lab" / "teacher.md"
@@ -24,7 +23,7 @@ FOLDER = ROOT / ".build" / "lab"
 
 
 def write(folder: Path = FOLDER) -> list[Path]:
-    """Write both archives; return their paths. Raises UserError for what is missing or filled in."""
+    """Write both archives; return their paths. Raises UserError for what is missing, filled in or unsolved."""
     archives = {"lab": students(), "lab-teacher": teacher()}
     for name, files in archives.items():
         write_bytes(folder / f"{name}.zip", archive(name, files))
@@ -32,14 +31,20 @@ def write(folder: Path = FOLDER) -> list[Path]:
 
 
 def students() -> dict[str, bytes]:
-    """What is in the students' archive, by name: the blank lab, and the library."""
+    """What is in the students' archive, by name: the blank lab, and the library.
+
+    Raises UserError unless the cells to fill in, which have `...`, are those that the teacher's guide solves.
+    """
     kinds = ".py", ".toml", ".mplstyle", ".atlas"
     library = [path for path in (ROOT / "homing_lib").rglob("*") if path.suffix in kinds]
     files = [*library, ROOT / "data" / "STUDIES.md", ROOT / "pyproject.toml", ROOT / "LICENSE"]
     packed = {path.relative_to(ROOT).as_posix(): present(path).read_bytes() for path in files}
-    for cell in to_fill(blank := filled({})):
-        if "..." not in cell.source:
-            raise UserError(f"{LAB}: cell {cell.id} has an answer where students fill in theirs; put `...` there")
+    blank, solved = filled({}), {*solutions()}
+    to_fill = {cell.id for cell in blank.cells if cell.cell_type == "code" and "..." in cell.source}
+    if filled_in := sorted(solved & {cell.id for cell in blank.cells} - to_fill):
+        raise UserError(f"{LAB}: {', '.join(filled_in)}: an answer where students fill in theirs; put `...` there")
+    if odd := sorted(to_fill ^ solved):
+        raise UserError(f"{GUIDE}: {', '.join(odd)}: each cell to fill in has one solution of its name; mend these")
     return packed | {LAB.name: _written(blank), "README.md": present(GUIDE.with_name("README.md")).read_bytes()}
 
 
@@ -51,12 +56,6 @@ def teacher() -> dict[str, bytes]:
 def solutions() -> dict[str, str]:
     """The code of each solution by the id of the cell to fill, from the teacher's guide."""
     return dict(re.findall(r"^```python (\S+)\n(.*?)\n```$", present(GUIDE).read_text(encoding="utf-8"), re.M | re.S))
-
-
-def to_fill(notebook: Notebook) -> list[Notebook]:
-    """The cells that students fill in: those with a solution."""
-    solved = solutions()
-    return [cell for cell in notebook.cells if cell.id in solved]
 
 
 def filled(answers: Mapping[str, str]) -> Notebook:

@@ -129,7 +129,7 @@ class SimpleAgent:
         weights = self.weights[action]
         delta = target - dot(weights, x)
         if not isfinite(delta):
-            raise Diverged(f"weights not finite after step {self.views}, lambda rule simple, step size {alpha}")
+            raise Diverged(self.views, "simple", alpha)
         weights += alpha * delta * x
         return float(delta)
 

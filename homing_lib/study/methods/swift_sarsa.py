@@ -76,8 +76,7 @@ class SwiftSarsa(LinearSarsa):
             delta = reward + self.discount * self._value - before
         self.steps += 1
         if not isfinite(delta):
-            how = f"lambda rule of Swift-Sarsa, step size {self._step_size}"
-            raise Diverged(f"weights not finite after step {self.steps}, {how}")
+            raise Diverged(self.steps, "of Swift-Sarsa", self._step_size)
         return delta
 
 

@@ -31,14 +31,18 @@ class Watched:
         self._phi: Array = np.empty(0)
         self.follows: list[tuple[bool, bool]] = []
 
-    def __call__(self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, **rest: Any) -> float:
+    def __call__(
+        self, *, delta: float, phi: Array, delta_prev: float, phi_prev: Array, trace_prev: Array, discount: float
+    ) -> float:
         if phi_prev is not self._phi:  # the second step of an episode: the first went along its own gradient
             self._strict = self._restarted = delta_prev * phi_prev
         self._phi = phi
         g, g_prev = delta * phi, delta_prev * phi_prev
-        ratio = self._rule(delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, **rest)
+        ratio = self._rule(
+            delta=delta, phi=phi, delta_prev=delta_prev, phi_prev=phi_prev, trace_prev=trace_prev, discount=discount
+        )
         lambda_t = min(max(0.0, ratio), 1.0)
-        done = delta * (rest["discount"] * lambda_t * rest["trace_prev"] + phi)
+        done = delta * (discount * lambda_t * trace_prev + phi)
         if self._update == "taken":
             done = (done.reshape(3, -1) * (phi.reshape(3, -1) != 0).any(axis=1, keepdims=True)).ravel()
         form: Any = self._form
