@@ -189,7 +189,8 @@ def home(
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
     plan.contour(x, y, similarity, levels=[psi_upper], colors="white", linewidths=1.4)
     every = slice(None, None, max(1, len(stops[0]) // 500))
-    plan.plot(stops[0][every], stops[1][every], ".", color=COLOURS["learning on"], markersize=2, alpha=0.8)
+    looks = {"color": COLOURS["learning on"], "markeredgecolor": INK, "markeredgewidth": 0.35}  # the edge is for grey
+    plan.plot(stops[0][every], stops[1][every], "o", markersize=2.3, **looks)
     draw_floor_plan(plan, room)
     plan.set_title("dots: where robots stopped")
     heading.plot(turned, profile, color=INK)
