@@ -187,10 +187,10 @@ def home(
     figure.colorbar(shown, ax=plan, label="similarity NRB", shrink=0.85)
     rows, columns = similarity.shape
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * depth / rows
-    plan.contour(x, y, similarity, levels=[psi_upper], colors="white", linewidths=1.4)
+    plan.contour(x, y, similarity, levels=[psi_upper], colors="white", linewidths=1.4, zorder=3)
     every = slice(None, None, max(1, len(stops[0]) // 500))
-    looks = {"color": COLOURS["learning on"], "markeredgecolor": INK, "markeredgewidth": 0.35}  # the edge is for grey
-    plan.plot(stops[0][every], stops[1][every], "o", markersize=2.3, **looks)
+    looks = {"color": COLOURS["learning on"], "markeredgecolor": INK, "markeredgewidth": 0.3}  # the edge is for grey
+    plan.plot(stops[0][every], stops[1][every], "o", markersize=1.9, **looks)
     draw_floor_plan(plan, room)
     plan.set_title("dots: where robots stopped")
     heading.plot(turned, profile, color=INK)
