@@ -133,7 +133,15 @@ def shortest(settings: Settings, seed: int, env: HomingEnv, agent: Any) -> Itera
 
 
 def fewest_steps(env: HomingEnv, start: Pose | None = None, *, walls: bool = False) -> float:
-    """The least number of steps from a pose, by default the room's start, to a view that ends an episode.
+    """How many actions `shortest_way` has; NaN if there is no way."""
+    return float(len(shortest_way(env, start, walls=walls))) or float("nan")
+
+
+def shortest_way(
+    env: HomingEnv, start: Pose | None = None, *, walls: bool = False, counts: Callable[[Pose], bool] = lambda _: True
+) -> list[int]:
+    """The fewest actions from a pose, by default the room's start, to a view that ends an episode; none if there is no
+    way. counts: of the poses where an episode ends, which are asked for; the others end it all the same.
 
     Breadth-first search over poses, of which two in the same cell of 2 cm and 10 degrees count as one, so that the
     least is approximate. Moves that a wall stops are left out; with `walls` they count, and the turns that the reflex
@@ -142,13 +150,13 @@ def fewest_steps(env: HomingEnv, start: Pose | None = None, *, walls: bool = Fal
     s, model = env.settings, env.model
     assert model is not None
     upper, robot, rng = stopping_thresholds(s.multiplier).upper, Robot(env.world, s, env.home), np.random.default_rng(0)
-    frontier: list[tuple[Pose, int | None]] = [(start or env.room.start, None)]
+    frontier: list[tuple[Pose, int | None, list[int]]] = [(start or env.room.start, None, [])]
     seen: set[tuple[int | None, ...]] = set()
-    for steps in range(1, s.max_steps + 1):
+    for _ in range(s.max_steps):
         reached = []
-        for (pose, reflex), action in product(frontier, range(3)):
+        for (pose, reflex, way), action in product(frontier, range(3)):
             robot.pose, robot.reflex = pose, reflex
-            robot.act(action, rng)
+            driven, _ = robot.act(action, rng)
             there, then = robot.pose, [robot.reflex]
             if robot.reflex is not None and reflex is None:  # stopped
                 then = [LEFT_FORWARD, RIGHT_FORWARD] if walls else []
@@ -156,9 +164,10 @@ def fewest_steps(env: HomingEnv, start: Pose | None = None, *, walls: bool = Fal
                 cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36, side)
                 if cell in seen:
                     continue
-                if similarity(model.features(env.world.histogram(there))) >= upper:
-                    return float(steps)
+                if similarity(model.features(env.world.histogram(there))) < upper:
+                    reached.append((there, side, [*way, driven]))
+                elif counts(there):
+                    return [*way, driven]
                 seen.add(cell)
-                reached.append((there, side))
         frontier = reached
-    return float("nan")
+    return []

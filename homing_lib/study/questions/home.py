@@ -1,7 +1,7 @@
 """What is home for the robot, and where does it stop?"""
 
 from collections.abc import Iterator
-from math import cos, pi, sin
+from math import cos, pi, radians, sin
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,12 @@ FAR_M, TURNED_DEG = 0.25, 45.0
 At .25 m the nearer of home's objects, some .2 m ahead of home, have been passed, or look half as large. At 45 degrees,
 the camera's field of view, a robot at home's place sees nothing of what the snapshot shows.
 """
+
+
+def is_right(pose: Pose | Array, home: Pose) -> bool:
+    """Whether a stop at this pose is right."""
+    x, y, heading = np.subtract(pose, home)
+    return bool(np.hypot(x, y) <= FAR_M and abs(wrapped(heading)) <= radians(TURNED_DEG))
 
 
 def stops(settings: Settings, seed: int) -> Columns:

@@ -10,7 +10,7 @@ the last or the best, how often), penalties, and what is looked ahead to, of 6 t
 again with one part changed, of 40 to 100 robots. Most got near; the simplest of the best was kept.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any
 
@@ -18,12 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from homing_lib.environment import HomingEnv
+from homing_lib.features import Array
+from homing_lib.robot import GO_FORWARD
 from homing_lib.settings import Settings
+from homing_lib.study.bootstrap import iqm
 from homing_lib.study.choosing import Choice
 from homing_lib.study.engine import run_episode
 from homing_lib.study.findings import Comparison, Judged, compare_steps, compare_to_limit, estimate, exact, question
-from homing_lib.study.measures import CUT, driven
+from homing_lib.study.measures import CUT, driven, shortest_way
 from homing_lib.study.questions import drives, learns, varying
+from homing_lib.study.questions.home import is_right
 from homing_lib.study.robots import FrozenAgent
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, UNLEARNT, column, labelled, rows, study
@@ -31,7 +35,9 @@ from homing_lib.study.studies import ROBOTS, ROOM_ROBOTS, UNLEARNT, column, labe
 IN_ROOMS = ("paper", "attic", "hall")
 
 LEARNT, FROZEN = 2000, 5000  # steps of the environment after which it is looked at: learning on, and frozen
+LATE = 10_000  # and after which it is looked at once more, to see whether it lacked time
 NEXT = 10  # episodes that are looked at then
+LED = 5  # episodes in which a robot is led, to see whether it lacked a way
 OF_SHORTEST, OF_SHORTEST_FROZEN, LOST = 1.15, 1.3, 0.01  # the bar: multiples of the shortest way; a share
 
 TIMES = range(0, FROZEN, 250)
@@ -77,20 +83,58 @@ def looked_at(settings: Settings, seed: int, goes_on: Callable[..., bool]) -> tu
     """`measures.driven`; of a run that diverged, as many episodes more as are looked at take the step cap."""
     lengths, diverged = driven(settings, seed, goes_on)
     if diverged:
-        lengths += (NEXT + FROZEN // _CAP) * [_CAP]
+        lengths += (NEXT + LATE // _CAP) * [_CAP]
     return np.array(lengths), diverged
 
 
-def next_ten(lengths: ArrayLike) -> NDArray[np.int64]:
-    """Those of the first ten episodes that begin once LEARNT steps have been driven."""
+def next_ten(lengths: ArrayLike, after: int = LEARNT) -> NDArray[np.int64]:
+    """Those of the first ten episodes that begin once so many steps have been driven."""
     each = np.asarray(lengths)
-    return each[np.cumsum(each) - each >= LEARNT][:NEXT]
+    return each[np.cumsum(each) - each >= after][:NEXT]
 
 
 def reached(lengths: ArrayLike) -> dict[str, float]:
     """Of the first ten episodes that begin once LEARNT steps have been driven: mean steps, and each cut at CUT."""
     ten = next_ten(lengths)
     return {"steps": float(ten.mean()), "cut": float(np.minimum(ten, CUT).mean())}
+
+
+# --- What it lacks ----------------------------------------------------------------------------------------------------
+
+
+class Led:
+    """A learner that is led: it learns as ever, from actions that are given; after the last it goes forward."""
+
+    def __init__(self, robot: Any, way: Sequence[int]) -> None:
+        self.begin_episode, self.learn = robot.begin_episode, robot.learn
+        self._way = iter(way)
+
+    def choose(self, phi: Array) -> int:
+        """The next of the actions."""
+        return next(self._way, GO_FORWARD)
+
+
+def lacks(settings: Settings, seed: int) -> Columns:
+    """One row per run. `led`: mean of the ten episodes after 2,000 steps of a robot that was first led, in LED episodes
+    that do not count, along the shortest way; `late`: of those after 10,000 steps of one that was not. `way`: steps of
+    that way; `way_home`: of the shortest that ends where a stop is right (`home.is_right`).
+    """
+    row: dict[str, Any] = {}
+
+    def lead(lengths: list[int], env: HomingEnv, robot: Any) -> bool:
+        """Lead it before its first episode. Returns whether it is to drive on."""
+        if not lengths:
+            way = shortest_way(env)
+            row["way"], row["way_home"] = len(way), len(shortest_way(env, counts=lambda pose: is_right(pose, env.home)))
+            for number in range(1, LED + 1):
+                robot.begin_episode(number)
+                run_episode(env, Led(robot, way))
+        return len(next_ten(lengths)) < NEXT
+
+    row["led"] = next_ten(looked_at(settings, seed, lead)[0]).mean()
+    late, _ = looked_at(settings, seed, lambda lengths, *_: len(next_ten(lengths, LATE)) < NEXT)
+    row["late"] = next_ten(late, LATE).mean()
+    return {name: np.array([value], dtype=float) for name, value in row.items()}
 
 
 # --- The choice -------------------------------------------------------------------------------------------------------
@@ -180,6 +224,16 @@ WITHOUT_PARTS = study(
     needs=[CHOICE.second],
 )
 
+LACKS = study(
+    "simple-lacks",
+    "Where the learner of a page is above the bar, what does it lack? Led along the shortest way at first; after five "
+    "times the steps; and how long the way is that ends at home itself.",
+    lambda: labelled(CHOICE.best(room) for room in IN_ROOMS[1:]),
+    ROOM_ROBOTS[:100],
+    lacks,
+    needs=[CHOICE.second],
+)
+
 COMPARISONS = 3 * len(IN_ROOMS)
 
 
@@ -219,16 +273,18 @@ def beats(found: dict[str, Comparison], room: str) -> tuple[bool, bool]:
     {OF_SHORTEST_FROZEN:g} times the shortest way, and fewer than {LOST:.0%} not within 2,000 steps, both with the whole
     interval (k = {COMPARISONS}: three rooms, three comparisons). The verdict counts rooms: "both in n of 3 rooms,
     learning on in m, frozen in l". Form 2 at the defaults and standard Sarsa (all weights updated, its best fixed
-    lambda), looked at in the same way, stand beside it, and the learner without its parts.""",
+    lambda), looked at in the same way, stand beside it, and the learner without its parts, led, and after 10,000
+    steps.""",
     IN_PAPER,
     IN_OTHERS,
     OTHERS,
     WITHOUT_PARTS,
+    LACKS,
     UNLEARNT,
     learns.SHORTEST,
     order=9.7,
 )
-def simple(paper: Any, rooms: Any, others: Any, parts: Any, unlearnt: Any, ways: Any) -> Judged:
+def simple(paper: Any, rooms: Any, others: Any, parts: Any, lacking: Any, unlearnt: Any, ways: Any) -> Judged:
     found: dict[str, Comparison] = {}
     for room in IN_ROOMS:
         shortest = column(ways, "steps", room=room).mean()
@@ -243,6 +299,14 @@ def simple(paper: Any, rooms: Any, others: Any, parts: Any, unlearnt: Any, ways:
             found |= {f"{room}.{who}.{name}": one for name, one in held.items()}
             if who != "simple":
                 found[f"{room}.of {who}"] = compare_steps(ours.steps.iloc[: len(robots)], robots.steps)
+        if room != "paper":
+            lacked = rows(lacking, room=room)
+            same = ours.iloc[: len(lacked)]
+            found |= {f"{room}.{name}": estimate(lacked[name] / shortest) for name in ("led", "late")}
+            found[f"{room}.led.of not led"] = compare_steps(lacked.led, same.steps)
+            found |= {f"{room}.{name.replace('_', ' ')}": estimate(lacked[name]) for name in ("way", "way_home")}
+            found[f"{room}.way is home"] = estimate(lacked.way == lacked.way_home)
+            found[f"{room}.frozen.of way home"] = compare_steps(same.frozen, lacked.way_home, iqm)
     on, frozen = np.array([beats(found, room) for room in IN_ROOMS]).T
     both = (on & frozen).sum()
     return f"both in {both} of {len(IN_ROOMS)} rooms, learning on in {on.sum()}, frozen in {frozen.sum()}", found

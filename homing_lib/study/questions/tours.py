@@ -16,7 +16,6 @@ from homing_lib.agent import AGENTS, STEP_COLUMNS
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError, shown
 from homing_lib.features import Array, similarity
-from homing_lib.robot import wrapped
 from homing_lib.sarsa import Diverged
 from homing_lib.settings import Settings
 from homing_lib.study import engine
@@ -35,7 +34,7 @@ from homing_lib.study.findings import (
 from homing_lib.study.measures import fewest_steps
 from homing_lib.study.questions import varying
 from homing_lib.study.questions.drives import after
-from homing_lib.study.questions.home import FAR_M, TURNED_DEG
+from homing_lib.study.questions.home import is_right
 from homing_lib.study.robots import driver
 from homing_lib.study.runs import Columns
 from homing_lib.study.studies import HEADLINE_SEEDS, ROOM_ROBOTS, labelled, rows, study
@@ -138,13 +137,9 @@ def touring(env: HomingEnv, agents: Sequence[Any], next_of: Prioritisation, tour
 
 def summed_up(env: HomingEnv, legs: Sequence[Leg]) -> tuple[float, ...]:
     """A tour in numbers: its steps, whether it was finished, the share of its legs that ended at the home that was
-    meant (within FAR_M and TURNED_DEG), and the goals in order, a digit each.
+    meant (`home.is_right`), and the goals in order, a digit each.
     """
-    right = 0
-    for leg in legs:
-        if leg.home:
-            x, y, heading = leg.path[-1, :3] - env.homes[leg.goal]
-            right += np.hypot(x, y) <= FAR_M and abs(wrapped(heading)) <= radians(TURNED_DEG)
+    right = sum(leg.home and is_right(leg.path[-1, :3], env.homes[leg.goal]) for leg in legs)
     goals = int("".join(str(leg.goal) for leg in legs))
     return sum(leg.steps for leg in legs), all(leg.home for leg in legs), right / len(legs), goals
 
