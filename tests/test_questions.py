@@ -392,7 +392,8 @@ def barred(steps=None, frozen=None):
     ours = [simple.settings(room) for room in simple.IN_ROOMS]
     others = [one for room in simple.IN_ROOMS for one in simple.opponents(room).values()]
     parts = [one.with_changes(**part) for one in ours for part in simple.PARTS.values()]
-    return *map(table, (ours[:1], ours[1:], others, parts)), unlearnt(), SHORTEST
+    lacking = table_of(labelled(ours[1:]), lambda *_: {"led": 21 * SPREAD, "late": 21.0, "way": 16.0, "way_home": 20.0})
+    return *map(table, (ours[:1], ours[1:], others, parts)), lacking, unlearnt(), SHORTEST
 
 
 # The truth tables: a question, its verdict and the tables that give it

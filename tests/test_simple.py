@@ -1,6 +1,7 @@
 """The learner of a page: its update by hand, what it learns, and how it is held against the bar."""
 
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 
 from homing_lib.agent import run
 from homing_lib.settings import Settings
-from homing_lib.study import measures
+from homing_lib.study import engine, measures
 from homing_lib.study.methods.simple import CONSTANT, REPLAY_SHARE, SimpleAgent
 from homing_lib.study.questions import simple
 from homing_lib.study.robots import FrozenAgent
@@ -137,6 +138,33 @@ def test_it_is_tried_frozen_once_after_the_episode_in_which_it_has_driven_far_en
     assert tried == [5600]
     assert len(episodes) == 3 + simple.NEXT  # the first of the ten begins at 2,100
     assert (row["frozen"], row["home"], row["steps"]) == (30, 1, 700)
+
+
+def test_who_is_led_drives_what_is_given_and_learns_from_it():
+    learnt = []
+    robot = SimpleNamespace(begin_episode=learnt.append, learn=lambda *step: learnt.append(step))
+    led = simple.Led(robot, [0, 1])
+    led.begin_episode(3)
+    assert [led.choose(np.zeros(2)) for _ in range(4)] == [0, 1, 2, 2]
+    led.learn("a step")
+    assert learnt == [3, ("a step",)]
+
+
+def test_who_is_led_comes_home_by_the_shortest_way_and_then_drives_as_others_do(monkeypatch):
+    led = []
+
+    def run_episode(world, robot, *options):
+        path, home = engine.run_episode(world, robot, *options)
+        led.append((len(path), home))
+        return path, home
+
+    monkeypatch.setattr(simple, "run_episode", run_episode)
+    monkeypatch.setattr(simple, "LATE", simple.LEARNT)
+    settings = simple.settings("paper", images="compact", survey_steps=200, alpha0=0.7, theta0=0.02, epsilon0=0.0)
+    row = {name: value for name, (value,) in simple.lacks(settings, 3).items()}
+    assert led == simple.LED * [(row["way"], True)]
+    assert row["way"] <= row["way_home"]
+    assert row["late"] == simple.bar_on(settings, 3)["steps"]
 
 
 def robots(steps=20.0, frozen=21.0, home=1.0, diverged=0.0, one=None):

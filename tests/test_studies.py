@@ -15,7 +15,7 @@ import pytest
 from homing_lib.agent import STEP_COLUMNS, RandomAgent, Run, run, run_episode
 from homing_lib.environment import HomingEnv
 from homing_lib.errors import UserError
-from homing_lib.robot import drive
+from homing_lib.robot import GO_FORWARD, LEFT_FORWARD, drive
 from homing_lib.rooms import PAPER, Pose
 from homing_lib.rooms import ROOMS as EVERY_ROOM
 from homing_lib.settings import Settings
@@ -271,6 +271,24 @@ def test_the_shortest_way_does_not_drive_through_a_wall():
     around.world.clearance = lambda x, y: max(abs(x - 0.31) - 0.005, abs(y - 0.51) - 0.1)
     assert straight == 5
     assert 5 < measures.fewest_steps(around) < 20
+
+
+def test_the_shortest_way_is_the_actions_that_lead_there():
+    world = plane(lambda pose: pose.y >= 0.51 + 0.07, forward_m=0.04, turn_deg=90.0, turn_advance_m=0.0)
+    assert measures.shortest_way(world) == [LEFT_FORWARD, GO_FORWARD, GO_FORWARD]
+    walled = plane(lambda pose: pose.heading < -1, forward_m=0.04, turn_deg=90.0, max_steps=6)
+    walled.world.clearance, walled.world.infrared = lambda x, y: -0.01, lambda pose: np.zeros(8)
+    assert measures.shortest_way(walled) == []
+    assert len(measures.shortest_way(walled, walls=True)) == 2  # stopped by the wall, then turned by the reflex
+
+
+def test_an_end_that_does_not_count_ends_a_way_all_the_same():
+    changes = {"forward_m": 0.04, "turn_deg": 90.0, "turn_advance_m": 0.0, "max_steps": 6}
+    world = plane(lambda pose: pose.x >= 0.21 + 0.07, **changes)
+    assert len(measures.shortest_way(world)) == 2
+    beside = measures.shortest_way(world, counts=lambda pose: pose.y > 0.51 + 0.02)
+    assert len(beside) == 5  # up, ahead, and there: two turns, three moves
+    assert measures.shortest_way(world, counts=lambda pose: pose.x >= 0.21 + 0.11) == []  # behind the first
 
 
 @pytest.mark.slow
