@@ -218,7 +218,7 @@ RESULT = re.compile(
 )
 """What a typed result looks like: steps, times, shares, distances, intervals, two decimals."""
 NO_RESULT = re.compile(
-    r"95(\\,|\s)*\\?%|([25]0?,?000|40,000|600|500|300) steps|99\\,\\%|1\.(15|3) times|\[0, ?1\]"
+    r"95(\\,|\s)*\\?%|([25]0?,?000|[14]0,000|600|500|300) steps|99\\,\\%|1\.(15|3) times|\[0, ?1\]"
     r"|(10|20|45) degrees|(2|3|70)(\\,|\s)*\\?%(?=\s+(the|of))"
     r"|\.904|\.908|0?\.25|0?\.95|\.75|3\.1[123]|\d\.\d+ m( by| x|, with|\)|\n)"
     # Widths of intervals, caps, bars and times of a study; lattice, home, what a study sets; what the paper prints;
