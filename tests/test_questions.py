@@ -392,8 +392,16 @@ def barred(steps=None, frozen=None):
     ours = [simple.settings(room) for room in simple.IN_ROOMS]
     others = [one for room in simple.IN_ROOMS for one in simple.opponents(room).values()]
     parts = [one.with_changes(**part) for one in ours for part in simple.PARTS.values()]
-    lacking = table_of(labelled(ours[1:]), lambda *_: {"led": 21 * SPREAD, "late": 21.0, "way": 16.0, "way_home": 20.0})
+    lacking = table_of(labelled(ours[1:]), lambda *_: {"led": 21 * SPREAD, "late": 22.0, "way": 16.0, "way_home": 20.0})
     return *map(table, (ours[:1], ours[1:], others, parts)), lacking, unlearnt(), SHORTEST
+
+
+def test_what_the_page_lacks_is_held_against_the_shortest_way_and_the_way_home():
+    _, found = findings.questions()["simple"].judge(*barred({}, {"attic": 24.0}))
+    assert found["attic.late"].value == pytest.approx(22 / 20)
+    assert (found["attic.late"].verdict, found["attic.led"].verdict) == ("below", "below")
+    assert found["attic.frozen.of way home"].value == pytest.approx(24 / 20)
+    assert (found["attic.way is home"].value, found["attic.way home"].value) == (0, 20)
 
 
 # The truth tables: a question, its verdict and the tables that give it

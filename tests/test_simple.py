@@ -150,21 +150,26 @@ def test_who_is_led_drives_what_is_given_and_learns_from_it():
     assert learnt == [3, ("a step",)]
 
 
-def test_who_is_led_comes_home_by_the_shortest_way_and_then_drives_as_others_do(monkeypatch):
-    led = []
+def test_who_is_led_comes_home_by_the_shortest_way_and_then_drives_by_itself(monkeypatch):
+    drove = []
 
     def run_episode(world, robot, *options):
         path, home = engine.run_episode(world, robot, *options)
-        led.append((len(path), home))
+        drove.append((isinstance(robot, simple.Led), len(path), home))
         return path, home
 
     monkeypatch.setattr(simple, "run_episode", run_episode)
+    monkeypatch.setattr(measures, "run_episode", run_episode)
     monkeypatch.setattr(simple, "LATE", simple.LEARNT)
     settings = simple.settings("paper", images="compact", survey_steps=200, alpha0=0.7, theta0=0.02, epsilon0=0.0)
     row = {name: value for name, (value,) in simple.lacks(settings, 3).items()}
-    assert led == simple.LED * [(row["way"], True)]
-    assert row["way"] <= row["way_home"]
-    assert row["late"] == simple.bar_on(settings, 3)["steps"]
+    plain, _ = measures.driven(settings, 3, lambda lengths, *_: len(simple.next_ten(lengths)) < simple.NEXT)
+    assert drove[: simple.LED] == simple.LED * [(True, row["way"], True)]
+    assert not any(is_led for is_led, *_ in drove[simple.LED :])
+    own = [steps for _, steps, _ in drove[simple.LED : -2 * len(plain)]]
+    assert row["led"] == simple.next_ten(own).mean()  # the episodes in which it was led do not count
+    assert own != plain  # it learnt from them
+    assert row["late"] == simple.next_ten(plain).mean()
 
 
 def robots(steps=20.0, frozen=21.0, home=1.0, diverged=0.0, one=None):

@@ -291,6 +291,25 @@ def test_an_end_that_does_not_count_ends_a_way_all_the_same():
     assert measures.shortest_way(world, counts=lambda pose: pose.x >= 0.21 + 0.11) == []  # behind the first
 
 
+def test_an_end_that_does_not_count_hides_no_other_in_its_cell():
+    # Two ways into the same cell of 2 cm: the first, straight, ends where it does not count.
+    world = plane(
+        lambda pose: pose.x >= 0.21 + 0.035, forward_m=0.038, turn_deg=20.0, turn_advance_m=0.019, max_steps=4
+    )
+    straight = measures.shortest_way(world)
+    assert straight == [GO_FORWARD]
+    (x, y), seen = (0.21 + 0.038, 0.51), []
+
+    def counts(pose):
+        seen.append(pose)
+        return (pose.x, pose.y) != pytest.approx((x, y))
+
+    way = measures.shortest_way(world, counts=counts)
+    cells = {(int(pose.x / 0.02), int(pose.y / 0.02), round(pose.heading / np.radians(10))) for pose in seen}
+    assert len(way) == 2
+    assert len(cells) < len(seen)
+
+
 @pytest.mark.slow
 def test_no_episode_is_shorter_than_the_shortest_way():
     for seed in (1000, 1001):

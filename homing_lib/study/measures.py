@@ -164,10 +164,11 @@ def shortest_way(
                 cell = (floor(there.x / 0.02), floor(there.y / 0.02), round(there.heading / (pi / 18)) % 36, side)
                 if cell in seen:
                     continue
-                if similarity(model.features(env.world.histogram(there))) < upper:
-                    reached.append((there, side, [*way, driven]))
-                elif counts(there):
+                ends = similarity(model.features(env.world.histogram(there))) >= upper
+                if ends and counts(there):
                     return [*way, driven]
-                seen.add(cell)
+                if not ends:
+                    seen.add(cell)
+                    reached.append((there, side, [*way, driven]))
         frontier = reached
     return []

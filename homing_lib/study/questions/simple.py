@@ -21,10 +21,18 @@ from homing_lib.environment import HomingEnv
 from homing_lib.features import Array
 from homing_lib.robot import GO_FORWARD
 from homing_lib.settings import Settings
-from homing_lib.study.bootstrap import iqm
 from homing_lib.study.choosing import Choice
 from homing_lib.study.engine import run_episode
-from homing_lib.study.findings import Comparison, Judged, compare_steps, compare_to_limit, estimate, exact, question
+from homing_lib.study.findings import (
+    Comparison,
+    Judged,
+    compare_steps,
+    compare_to_limit,
+    estimate,
+    exact,
+    question,
+    side_of,
+)
 from homing_lib.study.measures import CUT, driven, shortest_way
 from homing_lib.study.questions import drives, learns, varying
 from homing_lib.study.questions.home import is_right
@@ -117,15 +125,15 @@ class Led:
 def lacks(settings: Settings, seed: int) -> Columns:
     """One row per run. `led`: mean of the ten episodes after 2,000 steps of a robot that was first led, in LED episodes
     that do not count, along the shortest way; `late`: of those after 10,000 steps of one that was not. `way`: steps of
-    that way; `way_home`: of the shortest that ends where a stop is right (`home.is_right`).
+    that way; `way_home`: of the shortest that ends where a stop is right (`home.is_right`), or is as short.
     """
     row: dict[str, Any] = {}
 
     def lead(lengths: list[int], env: HomingEnv, robot: Any) -> bool:
         """Lead it before its first episode. Returns whether it is to drive on."""
         if not lengths:
-            way = shortest_way(env)
-            row["way"], row["way_home"] = len(way), len(shortest_way(env, counts=lambda pose: is_right(pose, env.home)))
+            way, home = shortest_way(env), shortest_way(env, counts=lambda pose: is_right(pose, env.home))
+            row["way"], row["way_home"] = len(way) or np.nan, len(home) or np.nan
             for number in range(1, LED + 1):
                 robot.begin_episode(number)
                 run_episode(env, Led(robot, way))
@@ -273,8 +281,7 @@ def beats(found: dict[str, Comparison], room: str) -> tuple[bool, bool]:
     {OF_SHORTEST_FROZEN:g} times the shortest way, and fewer than {LOST:.0%} not within 2,000 steps, both with the whole
     interval (k = {COMPARISONS}: three rooms, three comparisons). The verdict counts rooms: "both in n of 3 rooms,
     learning on in m, frozen in l". Form 2 at the defaults and standard Sarsa (all weights updated, its best fixed
-    lambda), looked at in the same way, stand beside it, and the learner without its parts, led, and after 10,000
-    steps.""",
+    lambda), looked at in the same way, stand beside it, and the learner without its parts.""",
     IN_PAPER,
     IN_OTHERS,
     OTHERS,
@@ -302,11 +309,13 @@ def simple(paper: Any, rooms: Any, others: Any, parts: Any, lacking: Any, unlear
         if room != "paper":
             lacked = rows(lacking, room=room)
             same = ours.iloc[: len(lacked)]
-            found |= {f"{room}.{name}": estimate(lacked[name] / shortest) for name in ("led", "late")}
+            for name in ("led", "late"):
+                of_shortest = estimate(lacked[name] / shortest)
+                found[f"{room}.{name}"] = of_shortest._replace(verdict=side_of(of_shortest, OF_SHORTEST))
             found[f"{room}.led.of not led"] = compare_steps(lacked.led, same.steps)
-            found |= {f"{room}.{name.replace('_', ' ')}": estimate(lacked[name]) for name in ("way", "way_home")}
+            found[f"{room}.way home"] = estimate(lacked.way_home)
             found[f"{room}.way is home"] = estimate(lacked.way == lacked.way_home)
-            found[f"{room}.frozen.of way home"] = compare_steps(same.frozen, lacked.way_home, iqm)
+            found[f"{room}.frozen.of way home"] = compare_steps(same.frozen, lacked.way_home)
     on, frozen = np.array([beats(found, room) for room in IN_ROOMS]).T
     both = (on & frozen).sum()
     return f"both in {both} of {len(IN_ROOMS)} rooms, learning on in {on.sum()}, frozen in {frozen.sum()}", found
