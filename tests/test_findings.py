@@ -149,6 +149,7 @@ def test_steps_are_compared_by_their_ratio_and_shares_by_their_difference():
     assert findings.compare_shares([True] * 4, [False] * 4) == Comparison(1, 1, 1, "more", 0)
     assert findings.compare_shares([0.51] * 4, [0.5] * 4, comparisons=2)[3:] == ("the same", 2)
     assert findings.compare_to_limit([0.5] * 4, 0.6, comparisons=6) == Comparison(0.5, 0.5, 0.5, "below", 6)
+    assert findings.compare_to_limit([0.5] * 4, 0.6, comparisons=0) == Comparison(0.5, 0.5, 0.5, "below", 0)
     assert findings.estimate([True, False]).value == 0.5
     assert findings.exact(3) == Comparison(3, 3, 3)
     assert f"{Comparison(0.5, 0.4, 0.6111, 'fewer'):.2f}" == "0.50 [0.40, 0.61]"

@@ -92,7 +92,7 @@ def compare_shares(ours: ArrayLike, theirs: ArrayLike, *, comparisons: int = 0) 
 
 def compare_to_limit(values: ArrayLike, limit: float, *, comparisons: int = 1) -> Comparison:
     """The mean of numbers, one per robot, and on which side of a limit it lies."""
-    interval = bootstrap.estimated(values, comparisons=comparisons)
+    interval = bootstrap.estimated(values, comparisons=max(comparisons, 1))
     return Comparison(*interval, side_of(interval, limit), comparisons)
 
 

@@ -23,16 +23,7 @@ from homing_lib.robot import GO_FORWARD
 from homing_lib.settings import Settings
 from homing_lib.study.choosing import Choice
 from homing_lib.study.engine import run_episode
-from homing_lib.study.findings import (
-    Comparison,
-    Judged,
-    compare_steps,
-    compare_to_limit,
-    estimate,
-    exact,
-    question,
-    side_of,
-)
+from homing_lib.study.findings import Comparison, Judged, compare_steps, compare_to_limit, estimate, exact, question
 from homing_lib.study.measures import CUT, driven, shortest_way
 from homing_lib.study.questions import drives, learns, varying
 from homing_lib.study.questions.home import is_right
@@ -310,8 +301,7 @@ def simple(paper: Any, rooms: Any, others: Any, parts: Any, lacking: Any, unlear
             lacked = rows(lacking, room=room)
             same = ours.iloc[: len(lacked)]
             for name in ("led", "late"):
-                of_shortest = estimate(lacked[name] / shortest)
-                found[f"{room}.{name}"] = of_shortest._replace(verdict=side_of(of_shortest, OF_SHORTEST))
+                found[f"{room}.{name}"] = compare_to_limit(lacked[name] / shortest, OF_SHORTEST, comparisons=0)
             found[f"{room}.led.of not led"] = compare_steps(lacked.led, same.steps)
             found[f"{room}.way home"] = estimate(lacked.way_home)
             found[f"{room}.way is home"] = estimate(lacked.way == lacked.way_home)
